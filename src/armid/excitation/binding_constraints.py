@@ -1,9 +1,9 @@
 """Finding for a plan in which some joints stay well below their limits because of collisions or other limits.
 
-The amplitude of each joint that stays well below all its own limits is enlarged up to the first of these limits. The
-pairs of bodies that then come too close, and the limits that are then exceeded, are the reason why the plan is small.
-The predicted standard deviations of the parameters for the plan, divided by those for the enlarged motion, show the
-loss of accuracy.
+The amplitude of each joint that stays well below all its own limits is enlarged up to the first of these limits.
+Bodies that then come too close, and limits that are then exceeded, are the reason why the amplitudes of the plan are
+small. The loss of accuracy is the ratio of the predicted standard deviations of the parameters: those for the plan,
+divided by those for the enlarged motion.
 """
 
 from __future__ import annotations
@@ -25,17 +25,18 @@ from armid.robot.collision_body_names import BodyPair
 from armid.robot.kinematics import forward_kinematics
 
 USED = 0.75
-"""A joint counts as well below its limits if it uses at most this share of each of its own limits."""
+"""Largest utilisation of each of its own limits at which a joint counts as well below its limits."""
 
 LARGEST = 5.0
 """Largest factor by which the amplitude of a joint is enlarged."""
 
 COST = 1.3
-"""Smallest loss of accuracy for which the finding is made: the standard deviation of a base parameter for the plan,
-divided by its standard deviation for the enlarged motion; median over the parameters."""
+"""Smallest loss of accuracy for which a finding is made. The loss is the standard deviation of a base parameter for
+the plan, divided by its standard deviation for the enlarged motion (median over the parameters)."""
 
 PARTS = np.linspace(0.1, 1.0, 10)
-"""Shares of the enlargement at which the limits are evaluated, to find the limits that are exceeded first."""
+"""Shares of the enlargement of the amplitudes at which the limits are evaluated, to find the limits that are exceeded
+first."""
 
 TESTED = 10.0
 """Rate at which limits and distances of bodies are evaluated along the enlarged motions [Hz]."""
@@ -61,7 +62,7 @@ class Restraint:
         limit: Kind of the limit, for instance `velocity`; `collision` for the distance of two bodies.
         label: Name of the joint, of the plane or of the pair of bodies that has the limit.
         required: Required distance of two bodies [m]; zero if the limit is not a distance.
-        part: Share of the enlargement at which the limit is first exceeded, from 0 (the plan) to 1.
+        part: Share of the enlargement of the amplitudes at which the limit is first exceeded, from 0 (the plan) to 1.
     """
 
     limit: str
@@ -71,7 +72,7 @@ class Restraint:
 
     @property
     def text(self) -> str:
-        """Text that names the kind of the limit and the joint, plane or pair of bodies that has it."""
+        """Text that names the kind of the limit, and the joint, plane or pair of bodies to which it belongs."""
         if self.limit == "collision":
             return f"the distance of {self.label} ({1000.0 * self.required:.1f} mm required)"
         return f"the limit of {self.limit} of {self.label}"
@@ -85,12 +86,12 @@ def restrained_motion(
     Args:
         problem: Criterion and limits of the design.
         x: Unknowns of the plan, shape (n k,), with k unknowns of each joint.
-        margins: Margins of the plan to all limits.
+        margins: Margins between the plan and all limits.
         collision: Pairs of bodies that must keep a distance; `None` for no collision check.
 
     Returns:
-        The finding; `None` if all joints come near their limits, if nothing else limits the motion, or if the loss of
-        accuracy is small.
+        The finding; `None` if all joints come near their limits, if no other limit restrains the motion, or if the
+        loss of accuracy is small.
     """
     goal, basis = problem.goal, problem.basis
     names = goal.model.robot.joint_names
@@ -123,7 +124,7 @@ def _deviations(grid: Objective, x: Array) -> Array:
 def _restraints(
     problem: DescentProblem, x: Array, factors: Array, collision: CollisionOptions | None
 ) -> list[Restraint]:
-    """Limits that are exceeded first while the amplitudes of the joints grow up to the factors (n,); at most `NAMED`.
+    """Limits that are exceeded first if the amplitudes of the joints grow up to the factors (n,), at most `NAMED`.
 
     The result is empty if neither the distance of a pair of bodies nor a limit of another joint is violated before
     the enlargement is complete.
@@ -149,7 +150,7 @@ def _restraints(
 
 
 def _remedy(restraints: Sequence[Restraint]) -> str:
-    """Text with the options that relax the limits or exclude the pairs that restrain the motion."""
+    """Text with the options that relax the exceeded limits, or exclude pairs of bodies that restrain the motion."""
     ways: list[str] = []
     for each in restraints:
         if isinstance(each.label, BodyPair):

@@ -1,8 +1,8 @@
 """Certification of a plan: check of every limit on a fine grid, with bounds for the time between the grid points.
 
 A finite Fourier series is band-limited: sums of its amplitudes are upper bounds of its derivatives. From these bounds
-follows how far a quantity can rise between two points of the grid. The certified value is the maximum on the grid
-plus this bound.
+follows how far the utilisation of a limit can rise between two points of the grid. The certified utilisation is the
+maximum on the grid plus this bound.
 """
 
 from __future__ import annotations
@@ -28,31 +28,33 @@ CHUNK = 2000
 """Number of grid points that are evaluated at a time, to save memory."""
 
 STEPS = 40
-"""Largest number of times that the amplitudes of a plan are reduced before the plan counts as infeasible."""
+"""Largest number of reductions of the amplitudes of a plan, after which the plan counts as infeasible."""
 
 BLOCK, STRIDE, FAR = 256, 16, 0.0
 """Parameters of the evaluation of distances: number of grid points that are evaluated at a time; stride of the grid
-points that are evaluated first; and certified utilisation at these points from which a pair of bodies is evaluated at
-all points. The utilisation is zero at the distance `SCALE` above the required one."""
+points that are evaluated first; and certified utilisation at these points above which a pair of bodies is evaluated
+at all points. The utilisation is zero at the distance `SCALE` above the required one."""
 
 SLACK = 2e-4
-"""Smallest relative decrease of the amplitudes of a plan in one step, if a limit is violated."""
+"""Smallest relative decrease of the amplitudes of a plan in the first step, if a limit is violated; it grows with the
+number of steps."""
 
 
 @dataclass(frozen=True, slots=True)
 class Margin:
-    """Margin of a plan to one limit.
+    """Utilisation of one limit by a plan, with the value and the limit.
 
     Attributes:
         limit: Kind of the limit, for instance `velocity`.
-        label: Name of the joint, of the pair of bodies or of the plane.
-        value: Value on the grid that is closest to the limit; for collisions and workspace it is a distance.
-        bound: Limit for this value.
+        label: Name of the joint, pair of bodies or plane to which the limit belongs.
+        value: Value on the grid that is closest to the limit, in `unit`; a distance for collisions and workspace.
+        bound: Limit of this value, in `unit`.
         unit: Unit of `value` and `bound`.
         time: Time of this value [s], from the start of the series; NaN for limits that do not depend on time.
         share: Utilisation of the limit on the grid: the value divided by the limit. For a distance it is 1 at the
             required distance, and decreases linearly to 0 at a distance that is larger by `SCALE`.
-        certified: Utilisation on the grid plus the upper bound of its rise between the points of the grid.
+        certified: Utilisation on the grid plus the upper bound of its rise between the points of the grid; the limit
+            counts as kept if this is at most 1.
     """
 
     limit: str
@@ -80,10 +82,11 @@ Peaks = list[tuple[Array, Array, Array]]
 
 
 def _peaks(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> Peaks:
-    """For each channel: maximum utilisation, certified utilisation and time of the maximum [s], shape (m,) each.
+    """Maximum utilisation, certified utilisation and time of the maximum [s], shape (m,) each, for each channel.
 
-    The bound of the rise between points is computed for each chunk separately, and only roughly if the chunk is far
-    from the limit. The bound is therefore added to the maximum of each chunk before the chunks are compared.
+    The bound of the rise between points is computed for each chunk of the grid separately, and only roughly if the
+    chunk is far from the limit. The bound is therefore added to the maximum of each chunk before the chunks are
+    compared.
     """
     step = problem.basis.period / sum(len(chunk.times) for chunk in grid)
     by_channel: list[list[tuple[Array, Array, Array]]] = [[] for _ in problem.channels]
@@ -105,7 +108,10 @@ def _peaks(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> Pe
 
 
 def _peaks_of(channel: ConstraintChannel, states: States, step: float) -> tuple[Array, Array, Array]:
-    """Maximum and certified utilisations (m,) of a channel on a grid of given step [s]; times (m,) [s] of maxima."""
+    """Maximum utilisation, certified utilisation and time of the maximum [s] of one channel, (m,) each.
+
+    `step` is the step of the grid [s].
+    """
     values = channel.values(states)
     at, highest = values.argmax(axis=0), values.max(axis=0)
     times = states.objective.times[at] if len(values) > 1 else np.full(len(at), np.nan)
@@ -115,7 +121,7 @@ def _peaks_of(channel: ConstraintChannel, states: States, step: float) -> tuple[
 def _peaks_of_distances(
     problem: DescentProblem, channel: Clearance, times: Array, x: Array, step: float
 ) -> tuple[Array, Array, Array]:
-    """Results of `_peaks_of` for distances of bodies; for pairs that are far apart, at fewer points of the grid."""
+    """Results of `_peaks_of` for distances of bodies; pairs that are far apart are evaluated at fewer grid points."""
 
     def states(times: Array) -> States:
         return States(Objective(problem.goal, problem.basis, len(times), times=times), x, rough=True)
@@ -130,15 +136,15 @@ def _peaks_of_distances(
 
 
 def certified(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> tuple[Array, tuple[Margin, ...]]:
-    """Reduces the amplitudes of a plan about the start pose until the plan provably keeps every limit at all times.
+    """Reduces the amplitudes of a plan, with its start pose fixed, until the plan provably keeps every limit.
 
     Args:
         problem: Optimisation problem with the limits.
-        grid: Grid of `fine_grid`.
+        grid: Grid that `fine_grid` returns.
         x: Unknowns of the plan, shape (n k,), with k unknowns of each joint.
 
     Returns:
-        Unknowns (n k,) of the certified plan, and the margins of this plan to the limits.
+        Unknowns (n k,) of the certified plan, and the margins between this plan and the limits.
 
     Raises:
         ArmidError: Even a very small motion violates a limit; the message names the limit and the joint.
@@ -171,12 +177,12 @@ UNITS = {0: ("rad", "m"), 1: ("rad/s", "m/s"), 2: ("rad/s²", "m/s²"), 3: ("rad
 
 
 def margins(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> tuple[Margin, ...]:
-    """Margins to every limit of the plan with unknowns x, shape (n k,), computed on a grid of `fine_grid`."""
+    """Margins between the plan with unknowns x, shape (n k,), and every limit, on a grid from `fine_grid`."""
     return _margins(problem, x, _peaks(problem, grid, x))
 
 
 def _margins(problem: DescentProblem, x: Array, peaks: Peaks) -> tuple[Margin, ...]:
-    """Margins of the plan with unknowns x, shape (n k,), to every limit, from the result of `_peaks`."""
+    """Margins between the plan with unknowns x, shape (n k,), and every limit, from the result of `_peaks`."""
     result: list[Margin] = []
     robot = problem.goal.model.robot
     series = problem.basis.excitation(x)
@@ -194,7 +200,10 @@ def _margins(problem: DescentProblem, x: Array, peaks: Peaks) -> tuple[Margin, .
 
 
 def _physical(channel: ConstraintChannel, k: int, share: float, slides: bool) -> tuple[float, float, str]:
-    """Value, limit and unit of the quantity k of a constraint channel, computed from the utilisation of its limit."""
+    """Value, limit and unit of quantity k of a constraint channel.
+
+    The value is computed from `share`, the utilisation of the limit.
+    """
     if isinstance(channel, RangeLimit):
         bound, unit = float(channel.half[k]), UNITS[channel.order][slides]
     elif isinstance(channel, Torque):

@@ -24,7 +24,7 @@ from armid.model.motion import Motion
 from armid.notebook_display import Displayed, Summary
 
 SUMMARY_RATE = 40
-"""Samples per period of the highest harmonic with which a summary is computed."""
+"""Number of samples, per period of the highest harmonic, from which a summary is computed."""
 
 PLAN_FILE = "plan.json"
 """Name of the plan file in a folder that `armid excite` has written."""
@@ -63,7 +63,7 @@ class Excitation(Displayed):
         object.__setattr__(self, "offset", array(self.offset, (len(a),), "offset"))
 
     def summary(self) -> Summary:
-        """Range and velocity of each joint over one period."""
+        """Table of the ranges of position, velocity and acceleration of each joint over one period."""
         summary = self.sample(SUMMARY_RATE * self.harmonics / self.period).summary()
         title = f"{self.robot or 'motion'}: {self.harmonics} harmonics over {self.period:.4g} s"
         return replace(summary, title=title)
@@ -94,11 +94,11 @@ class Excitation(Displayed):
         return Motion(t, q, dq, ddq)
 
     def sample(self, rate: float, periods: int = 1) -> Motion:
-        """Whole number of periods at `rate` samples per second [Hz], from t = 0 to one sample before the end."""
+        """Samples of a whole number of periods at a rate [Hz], from t = 0 to one sample before the end."""
         return self.at(np.arange(round(periods * self.period * rate)) / rate)
 
     def stretched(self, period: float) -> Excitation:
-        """Motion along the same path, slowed down or sped up so that its period is `period` [s]."""
+        """Motion along the same path, with time scaled so that the period is `period` [s]."""
         ratio = self.period / period
         return replace(self, base_frequency=self.base_frequency * ratio, a=self.a * ratio, b=self.b * ratio)
 

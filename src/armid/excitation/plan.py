@@ -1,6 +1,6 @@
-"""Motion of a whole recording: a smooth move to the start pose, the repeated excitation, and a smooth last move.
+"""Motion of a whole recording: a smooth move to the start pose, the repeated excitation, and a smooth final move.
 
-The series starts and ends at rest. A move is a polynomial of the fifth degree, so the acceleration does not jump.
+The excitation starts and ends at rest. A move is a polynomial of the fifth degree, so the acceleration has no jumps.
 """
 
 from __future__ import annotations
@@ -17,11 +17,12 @@ from armid.model.motion import Motion
 from armid.notebook_display import Displayed, Summary
 
 PEAKS = (1.0, 1.875, 10.0 / 3.0**0.5, 60.0)
-"""Largest position, velocity, acceleration and jerk of the polynomial for a move of one radian in one second."""
+"""Largest absolute position, velocity, acceleration and jerk of the polynomial for a move of one radian in one
+second."""
 
 
 def seconds_for(distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike) -> float:
-    """Shortest duration [s] of a move over distances (n,) with limits (n,) of velocity, acceleration and jerk."""
+    """Shortest duration [s] of a move over distances (n,) [rad or m] within limits (n,) of velocity and so on."""
     way = np.abs(np.asarray(distance, dtype=np.float64))
     limits = (velocity, acceleration, jerk)
     times = [
@@ -38,8 +39,8 @@ class Plan(Displayed):
     Attributes:
         excitation: The periodic motion.
         repetitions: Number of periods; there is no pause between them.
-        begin: Pose before the move to the start pose, shape (n,) [rad or m]; `None` for no such move.
-        end: Pose after the move that follows the excitation, shape (n,) [rad or m]; `None` for no such move.
+        begin: Pose from which the arm moves to the start pose, shape (n,) [rad or m]; `None` for no such move.
+        end: Pose to which the arm moves after the excitation, shape (n,) [rad or m]; `None` for no such move.
         lead_in: Duration of the move to the start pose [s].
         lead_out: Duration of the move after the excitation [s].
     """
@@ -70,7 +71,7 @@ class Plan(Displayed):
                 )
 
     def summary(self) -> Summary:
-        """Summary of the excitation, with repetitions and total duration."""
+        """Summary of the excitation, with the number of repetitions and the total duration."""
         summary = self.excitation.summary()
         often = "once" if self.repetitions == 1 else f"{self.repetitions} times"
         return replace(summary, title=f"{summary.title}, {often}; {self.duration:.4g} s in all")
@@ -108,11 +109,11 @@ class Plan(Displayed):
         return Motion(t, q, dq, ddq)
 
     def sample(self, rate: float) -> Motion:
-        """Whole plan at `rate` samples per second [Hz], including both ends."""
+        """Samples of the whole plan at a rate [Hz], including both ends."""
         return self.at(np.arange(int(np.floor(self.duration * rate + 1e-9)) + 1) / rate)
 
     def rehearsal(self, speed: float) -> Plan:
-        """Plan with the same path, one repetition and reduced speed, to be tried before the plan itself.
+        """Plan along the same path with one repetition and reduced speed, for a trial before the plan itself.
 
         Args:
             speed: Factor of the speed, above 0 and at most 1. Velocities are multiplied by this factor, accelerations

@@ -27,32 +27,32 @@ CANDIDATES = 600
 """Number of random poses from which the static poses are selected."""
 
 EXCHANGES = 6
-"""Largest number of times that the exchange algorithm tries to replace every selected pose; after the third time the
-determinant of the information matrix hardly changes."""
+"""Largest number of passes in which the exchange algorithm tries to replace every selected pose; after the third pass
+the determinant of the information matrix hardly changes."""
 
 RIDGE = 1e-6
-"""Initial information, divided by the information of all random poses. This initial information is needed because the
+"""Information at the start of the selection, divided by the information of all random poses. It is needed because the
 information matrix of few poses is singular."""
 
 SHARE = 0.5
-"""Share of the limits of velocity and acceleration that is used by moves between poses."""
+"""Share of the limits of velocity and acceleration that moves between poses use."""
 
 USUAL_ACCELERATION = 2.0
 """Acceleration limit of moves and sweeps if no acceleration limit is known [rad/s² or m/s²]."""
 
 LOOKS = 60
-"""Number of poses on a straight move that are checked for collisions."""
+"""Number of poses on a straight move between two poses that are checked for collisions."""
 
 EVEN = 4.0
 """Longest time at constant velocity in a sweep [s]; a longer time would hardly improve the estimate of friction at
 this velocity."""
 
 PLACES, NARROW = 80, 1e-3
-"""Number of positions of each joint that are checked for collisions on each side of the start, and smallest range
-that remains [rad or m]."""
+"""Number of positions of each joint, on each side of the start position, that are checked for collisions; and
+smallest distance of the start position from the ends of the range that remains [rad or m]."""
 
 EDGE = 0.05
-"""Share of the range of a joint that is not used at each end."""
+"""Share of the range of a joint, at each end, that poses and sweeps do not use."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -63,7 +63,7 @@ class Moves:
         joints: Names of the joints.
         poses: Poses between the segments, including the first and the last one, shape (k + 1, n) [rad or m].
         seconds: Duration of each segment, shape (k,) [s].
-        speeds: Joint velocities at these poses, shape (k + 1, n) [rad/s or m/s].
+        speeds: Joint velocities in these poses, shape (k + 1, n) [rad/s or m/s].
         kinds: Kind of each segment: `way` (a move between poses), `rest` (standstill) or `sweep` (constant velocity).
     """
 
@@ -85,7 +85,7 @@ class Moves:
         return float(self.seconds.sum())
 
     def at(self, time: Array) -> Motion:
-        """Motion at times (N,) [s]; after the end the arm rests in the last pose."""
+        """Motion at times (N,) [s] from the beginning; after the end the arm rests in the last pose."""
         t = array(time, (None,), "time")
         ends = np.cumsum(self.seconds)
         k = np.minimum(np.searchsorted(ends, t, side="right"), len(self.kinds) - 1)
@@ -102,7 +102,7 @@ class Moves:
         return Motion(t, q, dq, ddq)
 
     def rehearsal(self, speed: float) -> Moves:
-        """Motion along the same path, slowed down to `speed` times the planned speed, above 0 and at most 1."""
+        """Motion along the same path at `speed` times the planned speed, above 0 and at most 1."""
         if not 0.0 < speed <= 1.0:
             raise ArmidError(
                 f"The speed of a rehearsal must be above 0 and at most 1; found {speed}.",
@@ -111,7 +111,7 @@ class Moves:
         return replace(self, seconds=self.seconds / speed, speeds=self.speeds * speed)
 
     def sample(self, rate: float) -> Motion:
-        """Whole motion at `rate` samples per second [Hz]."""
+        """Samples of the whole motion at a rate [Hz]."""
         return self.at(np.arange(float(round(self.duration * rate) + 1)) / rate)
 
 
@@ -132,7 +132,8 @@ def choose_poses(
         limits: Limits of the joints.
         count: Number of poses.
         seed: Seed of the random poses.
-        allowed: Function that tests poses (N, n), result (N,); if it is not given, all poses are allowed.
+        allowed: Function that returns the mask (N,) of the allowed ones of poses (N, n); if not given, all poses are
+            allowed.
 
     Raises:
         ArmidError: The count is below one, too few random poses are allowed, or gravity causes no torque.
@@ -177,7 +178,10 @@ def choose_poses(
 
 
 def _best(G: Array, rows: Array, taken: Sequence[int]) -> int:
-    """Index of the random pose whose rows increase the determinant of G most; poses in `taken` are excluded."""
+    """Index of the pose whose rows increase the determinant of G most; poses in `taken` are excluded.
+
+    `rows` are the regressor rows of the random poses, shape (N, n, parameters).
+    """
     inverse = np.linalg.inv(G)
     n = rows.shape[1]
     gain = np.linalg.slogdet(np.eye(n) + np.einsum("nja,ab,nkb->njk", rows, inverse, rows))[1]
@@ -186,7 +190,7 @@ def _best(G: Array, rows: Array, taken: Sequence[int]) -> int:
 
 
 def _short_way(q: Array) -> list[int]:
-    """Order of poses in which each pose is followed by the nearest of the remaining poses."""
+    """Order in which poses (k, n) are visited: each pose is followed by the nearest of the remaining poses."""
     order, rest = [0], list(range(1, len(q)))
     while rest:
         nearest = min(rest, key=lambda k: float(np.abs(q[k] - q[order[-1]]).max()))
@@ -196,7 +200,7 @@ def _short_way(q: Array) -> list[int]:
 
 
 def _range(limits: Limits) -> tuple[Array, Array]:
-    """Lowest and highest positions of poses: the joint ranges without their ends, or ± π without limits."""
+    """Lowest and highest positions of poses, (n,) each: joint ranges without their ends, or ± π if unlimited."""
     low = np.where(np.isfinite(limits.lower), limits.lower, -np.pi)
     high = np.where(np.isfinite(limits.upper), limits.upper, np.pi)
     edge = EDGE * (high - low)
@@ -208,7 +212,10 @@ def _acceleration(limits: Limits) -> Array:
 
 
 def _way(a: Array, b: Array, limits: Limits) -> float:
-    """Duration [s] of a move from one pose to another with half of the limits of velocity and acceleration."""
+    """Duration [s] of a move between two poses with half of the limits of velocity and acceleration.
+
+    It is at least 0.2 s.
+    """
     return max(seconds_for(b - a, SHARE * limits.velocity, SHARE * _acceleration(limits), limits.jerk), 0.2)
 
 
@@ -226,9 +233,9 @@ def poses_plan(
         poses: Poses in order, shape (k, n) [rad or m].
         limits: Limits of the joints.
         rest: Duration of the standstill in each pose [s].
-        via: Pose (n,) through which the arm moves if the straight move would collide.
-        free: Function that tests whether poses (N, n) are free of collisions, result (N,); if not given, all poses
-            are free.
+        via: Pose (n,) through which the arm moves if a straight move would collide; `None` for straight moves only.
+        free: Function that returns the mask (N,) of the poses (N, n) without collisions; if not given, all poses
+            count as free.
 
     Raises:
         ArmidError: The duration of the standstill is not positive.
@@ -259,12 +266,14 @@ def straight_way(a: Array, b: Array) -> Array:
 
 
 def free_ranges(start: Array, limits: Limits, allowed: Callable[[Array], NDArray[np.bool_]]) -> Limits:
-    """Limits whose position ranges are reduced to the range in which each joint can move alone from the start pose.
+    """Limits in which the position range of each joint is reduced to the range that it can move through alone.
+
+    The joint moves from the start pose while the others rest.
 
     Args:
         start: Start pose, shape (n,) [rad or m].
         limits: Limits of the joints.
-        allowed: Function that tests poses (N, n), result (N,).
+        allowed: Function that returns the mask (N,) of the allowed ones of poses (N, n).
     """
     ends = limits.lower.copy(), limits.upper.copy()
     for j in range(len(start)):
@@ -278,10 +287,10 @@ def free_ranges(start: Array, limits: Limits, allowed: Callable[[Array], NDArray
 
 
 def sweeps_plan(start: Array, limits: Limits, speeds: Sequence[float] = (0.05, 0.15, 0.4, 0.8)) -> Moves:
-    """Motion of one joint after the other, back and forth at constant velocities, from the start pose.
+    """Motion of one joint after the other, back and forth at constant velocities around the start pose.
 
     Before and after the constant velocity, the joint accelerates and decelerates with at most half its acceleration
-    limit. A velocity is left out if the range of the joint is too short to reach this velocity.
+    limit. A velocity is left out if the range of the joint is too short to reach it.
 
     Args:
         start: Pose in which the other joints rest, shape (n,) [rad or m].

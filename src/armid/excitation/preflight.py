@@ -25,7 +25,7 @@ from armid.notebook_display import plural
 Verdict = Literal["pass", "fail", "weak", "not checked"]
 
 NAMED = 3
-"""Largest number of limits, of pairs of bodies or of joints that a sentence names."""
+"""Largest number of limits, pairs of bodies or joints that a sentence names."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -54,7 +54,7 @@ class Preflight:
     """Result of the preflight check of a plan.
 
     Attributes:
-        margins: Margins to all limits, joint by joint.
+        margins: Margins between the plan and all limits, joint by joint.
         approaches: Closest approach of every pair of bodies, nearest first.
         skipped: Pairs of bodies that are not checked, because they touch by construction or the user has excluded
             them.
@@ -62,11 +62,11 @@ class Preflight:
         unchecked: Reason why collisions are not checked; empty if they are checked.
         weak: Finding that the motion is too weak to identify the arm; `None` if the motion is sufficient.
         wider: Finding about limits that are wider than those of the description; `None` if there are none.
-        touching: Contacts between bodies of pairs that are not checked.
-        torque_lacks: Contributions, for instance `friction`, that the torque that is compared with the limits does
-            not contain; empty if torque is not checked, or if it is complete.
-        clearance: Distance between bodies that the user requires [m]; pairs that are close by construction need only
-            keep a smaller distance.
+        touching: Contacts in the motion between bodies of pairs that are not checked.
+        torque_lacks: Contributions, for instance `friction`, that are missing in the torque that is compared with the
+            limits; empty if none are missing, or if torque is not checked.
+        clearance: Distance between bodies that the user requires [m]; pairs that are close by construction have
+            smaller required distances.
     """
 
     margins: tuple[Margin, ...]
@@ -95,7 +95,7 @@ class Preflight:
 
     @property
     def sentence(self) -> str:
-        """Verdict on the plan as a sentence: the limits and distances that are not kept, or that all are kept."""
+        """Verdict on the plan as text: limits and distances that are not kept, or the statement that all are kept."""
         failures = [
             f"the limit of {each.limit} of {each.label} is exceeded: {each.value:.4g} {each.unit}"
             for each in self._missed
@@ -117,13 +117,13 @@ class Preflight:
 
     @property
     def reduced(self) -> tuple[ClosestApproach, ...]:
-        """Closest approaches below the clearance, of pairs that need only keep a smaller distance."""
+        """Closest approaches below the clearance, of pairs whose required distance is smaller than the clearance."""
         least = self.clearance - ROUNDING
         return tuple(each for each in self.approaches if each.required_distance < least and each.distance < least)
 
     @property
     def reduced_clearance(self) -> Finding | None:
-        """Finding about pairs of links that may be, and are, closer than the clearance; `None` if there are none."""
+        """Finding about pairs that are, and may be, closer than the clearance; `None` if there are none."""
         if not self.reduced:
             return None
         pairs = "; ".join(
@@ -173,7 +173,7 @@ class Preflight:
 
     @property
     def remarks(self) -> tuple[Finding | None, ...]:
-        """Findings about the distances of bodies: contacts of unchecked pairs, reduced clearance; or `None`."""
+        """Findings about contacts of unchecked pairs and about reduced clearance; `None` for a missing one."""
         return self.contacts, self.reduced_clearance
 
     @property
@@ -186,7 +186,7 @@ class Preflight:
 
 
 def _some(joints: str) -> str:
-    """Text with the first names of a comma-separated list, and the number of the other names."""
+    """Text with the first names of a comma-separated list, and the number of the others."""
     names = joints.split(", ")
     return ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED} more" if len(names) > NAMED else "")
 
@@ -195,7 +195,7 @@ def expectation(goal: CriterionGoal, objective: Objective, x: Array) -> Expectat
     """Predicted uncertainty of the parameters for a plan, with the noise and the repetitions of a goal.
 
     Args:
-        goal: Noise, repetitions and prior information.
+        goal: Criterion goal, with noise, repetitions and prior information.
         objective: Objective on a grid, with laws that are not smoothed.
         x: Unknowns of the plan, shape (n k,).
     """
@@ -227,13 +227,13 @@ def preflight(
     limits: tuple[Margin, ...] | None = None,
     unchecked: str = "",
 ) -> Preflight:
-    """Checks a plan: limits on the fine grid, collisions with Coal, and predicted uncertainty.
+    """Checks a plan: limits on the fine grid, collisions with Coal, and predicted uncertainty of the parameters.
 
     Args:
         problem: Criterion and limits of the design.
         x: Unknowns of the plan, shape (n k,).
         collision: Pairs of bodies that must keep a distance; `None` for no collision check.
-        limits: Margins to the limits, if they are known already.
+        limits: Margins between the plan and the limits; computed if not given.
         unchecked: Reason why collisions are not checked; empty if they are checked.
     """
     goal, basis = problem.goal, problem.basis
@@ -257,6 +257,6 @@ def preflight(
 
 
 def worst(found: Sequence[Margin]) -> tuple[Margin, ...]:
-    """Smallest margin for each kind of limit, for instance for `velocity`."""
+    """Margin with the largest utilisation for each kind of limit, for instance for `velocity`."""
     names = dict.fromkeys(margin.limit for margin in found)
     return tuple(max((m for m in found if m.limit == name), key=lambda m: m.share) for name in names)

@@ -1,12 +1,12 @@
-"""Basis of all Fourier series that start and end at rest; the coordinates in this basis are the unknowns of a design.
+"""Basis of all Fourier series that start and end at rest; coordinates in this basis are the unknowns of a design.
 
 The series of equation (3.55b) of the thesis is at rest at t = 0 if its coefficients meet linear conditions:
 
     Σ a_l = 0  (velocity),   Σ l b_l = 0  (acceleration),   offset - Σ b_l / (ω l) = start  (position)        (3.55c)
 
 The series is written in a basis of the null space of these conditions, so that no solver has to enforce them. The
-thesis also requires Σ b_l / l = 0, so that the offset of each joint is its start position; `literal` keeps this
-condition. Without this condition each joint has one more unknown.
+thesis also requires Σ b_l / l = 0, so that the offset of each joint is its start position; the option `literal`
+enforces this condition. Without it, each joint has one more unknown.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ ORDERS = 4
 
 @dataclass(frozen=True, eq=False)
 class SeriesBasis:
-    """Affine map from unknowns x (n, k) to the series of n joints with L harmonics that are at rest at t = 0.
+    """Affine map from the unknowns x (n, k) to the series of n joints with L harmonics that are at rest at t = 0.
 
     Attributes:
         base_frequency: Angular frequency ω of the first harmonic [rad/s].
         harmonics: Number L of harmonics.
         start: Pose at t = 0, shape (n,) [rad or m]; if `free`, the pose that belongs to x = 0.
-        free: True if the start pose is among the unknowns.
+        free: True if the start pose is one of the unknowns.
         literal: True if the offset of each joint must be its start position, Σ b_l / l = 0, as in equation (3.55c) of
             the thesis.
     """
@@ -74,7 +74,7 @@ class SeriesBasis:
 
     @cached_property
     def null_space(self) -> Array:
-        """Orthonormal basis of the coefficients (a, b, offset) of a joint that is at rest, shape (2 L + 1, k)."""
+        """Orthonormal basis of the coefficients (a, b, offset) of a joint at rest at t = 0, shape (2 L + 1, k)."""
         number, L = np.arange(1.0, self.harmonics + 1.0), self.harmonics
         rows = np.zeros((4, 2 * L + 1))
         rows[0, :L] = 1.0
@@ -106,7 +106,7 @@ class SeriesBasis:
         return result
 
     def excitation(self, x: ArrayLike, robot: str = "") -> Excitation:
-        """Series with unknowns x, shape (n k,), for n joints and k unknowns of each joint."""
+        """Series with the unknowns x, shape (n k,)."""
         c, L = self.coefficients(x), self.harmonics
         return Excitation(self.base_frequency, c[:, :L], c[:, L : 2 * L], c[:, -1], robot)
 
@@ -117,11 +117,14 @@ class SeriesBasis:
         return (c @ self.null_space).ravel()
 
     def unknowns_of(self, excitation: Excitation) -> Array:
-        """Unknowns (n k,) of an excitation that has the number of joints and of harmonics of the basis."""
+        """Unknowns (n k,) of an excitation, which must have as many joints and harmonics as the basis."""
         return self.project(np.hstack([excitation.a, excitation.b, excitation.offset[:, None]]))
 
     def matrices(self, time: ArrayLike) -> tuple[Array, ...]:
-        """Matrices (N, k) from unknowns to position minus start, velocity, acceleration, jerk at times (N,) [s]."""
+        """Matrices (N, k) that map unknowns of a joint to its position minus start, velocity, acceleration and jerk.
+
+        `time` are the N times [s].
+        """
         t = array(time, (None,), "time")
         f = self.base_frequency * np.arange(1, self.harmonics + 1)
         s, c = np.sin(np.outer(t, f)), np.cos(np.outer(t, f))
@@ -134,13 +137,13 @@ class SeriesBasis:
         return np.arange(float(samples)) * (self.period / samples)
 
     def peaks_between(self, x: ArrayLike, order: int) -> Array:
-        """Upper bound of a time derivative of each joint position, for any phases of the harmonics, shape (n,).
+        """Upper bound (n,) of a time derivative of each joint position at all times, for any phases of the harmonics.
 
         The bound is the sum of the amplitudes. If a quantity is sampled on a grid of step h, it rises between the
         points by at most h²/8 times the bound of its second derivative.
 
         Args:
-            x: Unknowns (n k,).
+            x: Unknowns of the series, shape (n k,).
             order: Order of the derivative: 0 position (without offset), 1 velocity, 2 acceleration, and so on.
         """
         c, L = self.coefficients(x), self.harmonics

@@ -8,19 +8,19 @@ from armid.errors import Finding
 from armid.excitation.design.multistart import Search
 
 STILL = 0.05
-"""A plan counts as still improving if its standard deviations or condition number decreased by this share or more in
-the second half of the search time."""
+"""Smallest relative decrease of the standard deviations or the condition number in the second half of the search time
+with which a plan counts as still improving."""
 
 LONGER = 60.0
-"""Smallest wall time that the remedy proposes [s]."""
+"""Shortest wall time that the remedy proposes [s]."""
 
 OF_VARIANCES = ("d-optimal", "a-optimal", "e-optimal", "prediction")
-"""Criteria that are logarithms of variances; all other criteria are logarithms of standard deviations or of ratios of
-standard deviations."""
+"""Names of the criteria that are logarithms of variances; all other criteria are logarithms of standard deviations or
+of ratios of standard deviations."""
 
 
 def unsettled(search: Search, criterion: str, budget: float | None) -> Finding | None:
-    """Finding that a search reached its time limit before the plan converged; `None` if the plan converged.
+    """Finding that a search reached its time limit before its plan converged; `None` if the plan converged.
 
     A plan has not converged in two cases: no descent was completed in time; or in the second half of the time,
     counted from the first completed descent, the predicted standard deviations or the condition number still
@@ -29,7 +29,7 @@ def unsettled(search: Search, criterion: str, budget: float | None) -> Finding |
     Args:
         search: Result of the search.
         criterion: Name of the criterion.
-        budget: Wall time of the search [s].
+        budget: Largest wall time of the search [s]; `None` for no limit.
     """
     if budget is None or search.interrupted or search.seconds < budget:
         return None

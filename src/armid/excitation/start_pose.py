@@ -1,4 +1,4 @@
-"""Choice of the start pose of a series, if the user gives no start pose: a pose with a large free range around it.
+"""Choice of the start pose of a series, if the user gives none: a pose with a large free range around it.
 
 A series moves around its start pose. Its amplitude is limited by the joint limits, by collisions, and by poses in
 which gravity needs more torque than the joints have. The free range of a pose is therefore measured along straight
@@ -23,14 +23,15 @@ from armid.excitation.limits.joint_limits import Limits
 from armid.robot.kinematics import forward_kinematics
 
 INSIDE = 0.05
-"""Smallest distance of a chosen pose from each end of a joint's range, as a share of the range."""
+"""Smallest distance of a chosen pose from each end of a joint's range, divided by the width of the range."""
 
 SWING = 1.5
-"""Wanted amplitude of a revolute joint to each side [rad]; the wanted amplitude of a prismatic joint is half its
-range."""
+"""Wanted amplitude of a revolute joint to each side of the start pose [rad]; the wanted amplitude of a prismatic
+joint is half its range."""
 
 WANDER = 2.0
-"""Largest difference between the position of a revolute joint in a random pose and in the usual pose [rad]."""
+"""Largest difference between the position of a revolute joint in a random pose and in the usual pose [rad], if poses
+near the usual pose are tried."""
 
 LOOKED = 1500
 """Number of random poses near the usual pose for which distances are computed."""
@@ -40,15 +41,15 @@ WIDER = 6000
 suitable."""
 
 SHORT = 40
-"""Number of poses that are checked with the bodies themselves in one batch, beginning with the poses with the largest
-excess distance."""
+"""Number of poses in one batch that is checked with the bodies themselves; the first batch contains the poses with
+the largest excess distance."""
 
 COUNTED, NAMED = 1000, 4
 """Number of random poses for which an error message counts the reasons that exclude them; and largest number of
 joints, and of pairs of bodies, that the message names."""
 
 MEASURED_IN = 200
-"""Number of random poses in which the distances of the pairs are computed that the error message names."""
+"""Number of random poses from which an error message gives the range of the distances of pairs of bodies."""
 
 DIRECTIONS = 24
 """Number of random straight lines through a pose, along which its free range is measured."""
@@ -57,15 +58,16 @@ STEPS = np.array([-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0])
 """Positions along a line at which limits and distances are tested, divided by the wanted amplitude."""
 
 ROOMY = 0.85
-"""The usual pose is preferred if its free range is at least this share of the largest one, because users are familiar
-with it."""
+"""Smallest free range of the usual pose, divided by the largest free range of all poses, with which the usual pose is
+preferred, because users are familiar with it."""
 
 PLAIN = 0.98
-"""Share of its free range that a pose must keep if a joint is moved to its usual position or to a round number."""
+"""Smallest share of its free range that a pose must retain if a joint is moved to its usual position or to a round
+number."""
 
 
 Holds = Callable[[Array], NDArray[np.bool_]]
-"""Function that tests whether the joint torques suffice to hold poses (N, n) against gravity, result (N,)."""
+"""Function that returns the mask (N,) of the poses (N, n) that the joint torques suffice to hold against gravity."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -74,8 +76,8 @@ class TorqueHolds:
 
     Attributes:
         joints: Names of the k joints whose torque is limited.
-        shares: Function that gives the torque of each joint in poses (N, n), divided by the torque limit, shape (N,
-            k).
+        shares: Function that returns, for poses (N, n), the absolute torque of these joints divided by its limit,
+            shape (N, k).
         highest: Largest allowed share of the torque limit.
     """
 
@@ -84,12 +86,12 @@ class TorqueHolds:
     highest: float
 
     def __call__(self, q: Array) -> NDArray[np.bool_]:
-        """Tests which poses (N, n) the joints can hold, shape (N,)."""
+        """Mask (N,) of the poses (N, n) that the joints can hold."""
         return np.asarray((self.shares(q) <= self.highest).all(axis=1), dtype=np.bool_)
 
 
 def any_pose(q: Array) -> NDArray[np.bool_]:
-    """Test that accepts every pose (N, n), for arms whose torques are unknown; shape (N,)."""
+    """Accepts every pose (N, n), for arms whose torques are unknown: returns a mask (N,) that is true everywhere."""
     return np.ones(len(q), dtype=np.bool_)
 
 
@@ -100,7 +102,7 @@ class Start:
     Attributes:
         pose: Joint positions, shape (n,) [rad or m].
         free_share: Share of the wanted amplitude that is free around the pose, from 0 to 1.
-        usual: True if the pose is that of `usual_pose`.
+        usual: True if the pose is the usual pose (`usual_pose`).
     """
 
     pose: Array
@@ -122,7 +124,7 @@ def choose_start(cell: CollisionModel, limits: Limits, holds: Holds = any_pose) 
     Args:
         cell: Arm and surroundings.
         limits: Limits of the joints.
-        holds: Function that tests whether the joints can hold poses.
+        holds: Function that returns the mask of the poses that the joints can hold.
 
     Raises:
         ArmidError: No suitable pose was found: in each pose bodies are too close, or the joints cannot hold the arm.
@@ -134,7 +136,7 @@ def choose_start(cell: CollisionModel, limits: Limits, holds: Holds = any_pose) 
 
 
 def find_start(cell: CollisionModel, limits: Limits, holds: Holds = any_pose) -> Start | None:
-    """Chooses the start pose as `choose_start` does; `None` if no random pose is suitable."""
+    """Chooses the start pose as `choose_start` does; `None` if no pose is suitable."""
     usual = usual_pose(limits)
     poses, order = _good(cell, limits, usual, holds)
     if not len(order):
@@ -148,9 +150,10 @@ def find_start(cell: CollisionModel, limits: Limits, holds: Holds = any_pose) ->
 
 
 def _good(cell: CollisionModel, limits: Limits, usual: Array, holds: Holds) -> tuple[Array, NDArray[np.intp]]:
-    """The usual pose and random poses (N, n), and indices of the suitable poses; largest excess distance first.
+    """Usual pose and random poses (N, n), and indices of the suitable ones.
 
-    Poses near the usual pose are tried first. If none is suitable, poses in the whole range of each joint are tried.
+    The usual pose comes first, if suitable, then the other poses with decreasing excess distance. Poses near the
+    usual pose are tried first. If none is suitable, poses in the whole range of each joint are tried.
     """
     low, high = _ends(limits)
     wander = np.where(cell.robot.tree.prismatic.astype(np.bool_), np.inf, WANDER)
@@ -172,7 +175,10 @@ def _good(cell: CollisionModel, limits: Limits, usual: Array, holds: Holds) -> t
 
 
 def _apart(cell: CollisionModel, poses: Array, order: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Indices of the first poses, at most `SHORT`, in which pairs of kind `MEASURED` keep their required distance."""
+    """Indices of the first suitable poses of `order`, at most `SHORT`.
+
+    A pose is suitable if all pairs of kind `MEASURED` keep their required distance.
+    """
     for k in range(0, len(order), SHORT):
         few = order[k : k + SHORT]
         few = few[cell.apart(poses[few])]
@@ -182,7 +188,7 @@ def _apart(cell: CollisionModel, poses: Array, order: NDArray[np.intp]) -> NDArr
 
 
 def _no_start(cell: CollisionModel, poses: Array, holds: Holds) -> ArmidError:
-    """Error that no pose was found; its text states why random poses (N, n) are excluded, and what to change."""
+    """Error that no pose was found; its message states why random poses (N, n) are excluded, and the remedies."""
     poses = poses[:COUNTED]
     excluded, remedies = [], ["give a pose with --start"]
     held = holds(poses)
@@ -213,13 +219,13 @@ def _no_start(cell: CollisionModel, poses: Array, holds: Holds) -> ArmidError:
 
 
 def _most(shares: dict[str, float]) -> str:
-    """Text with the `NAMED` names that have the largest shares, and these shares in percent."""
+    """Text that lists the `NAMED` names with the largest shares, and these shares in percent."""
     order = sorted(shares, key=lambda name: -shares[name])[:NAMED]
     return ", ".join(f"{name} {100.0 * shares[name]:.0f} %" for name in order if shares[name] > 0.0)
 
 
 def _ways_apart(cell: CollisionModel, pairs: Sequence[int], least: Sequence[float], share: Array) -> list[str]:
-    """Remedies for pairs of bodies that are too close: pairs to exclude, and a clearance that the bodies can keep.
+    """Remedies for pairs of bodies that are too close: options that exclude pairs, and a clearance that can be kept.
 
     Args:
         cell: Arm and surroundings.
@@ -237,7 +243,7 @@ def _ways_apart(cell: CollisionModel, pairs: Sequence[int], least: Sequence[floa
 
 
 def _rounded(cell: CollisionModel, limits: Limits, holds: Holds, pose: Array, usual: Array, enough: float) -> Array:
-    """Moves joints of a pose to usual positions or round numbers, if the free range stays large enough."""
+    """Moves joints of a pose to usual positions or round numbers, if the free range remains at least `enough`."""
     for j in range(len(pose)):
         for value in (usual[j], *(round(pose[j] * parts) / parts for parts in (2, 10, 100))):
             trial = pose.copy()
@@ -251,7 +257,7 @@ def _rounded(cell: CollisionModel, limits: Limits, holds: Holds, pose: Array, us
 
 
 def _ends(limits: Limits) -> tuple[Array, Array]:
-    """Lowest and highest positions of a chosen pose, shape (n,) each [rad or m]."""
+    """Lowest and highest joint positions that a chosen pose may have, shape (n,) each [rad or m]."""
     ends = np.where(np.isfinite(limits.upper - limits.lower), INSIDE * (limits.upper - limits.lower), 0.0)
     return np.maximum(limits.lower + ends, -1e3), np.minimum(limits.upper - ends, 1e3)
 
@@ -263,7 +269,7 @@ def free_range(cell: CollisionModel, limits: Limits, pose: Array, holds: Holds =
         cell: Arm and surroundings.
         limits: Limits of the joints.
         pose: Joint positions, shape (n,) [rad or m].
-        holds: Function that tests whether the joints can hold poses.
+        holds: Function that returns the mask of the poses that the joints can hold.
     """
     half = 0.5 * (limits.upper - limits.lower)
     swing = np.where(cell.robot.tree.prismatic.astype(np.bool_), half, np.minimum(half, SWING))

@@ -1,4 +1,4 @@
-"""Built-in plans: the two trajectories of the thesis."""
+"""Built-in plans: the two excitations that the thesis publishes."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """Finding about a plan whose motion is too small or slow to identify the arm, with the limits that are the cause.
 
-A model must predict torque in the whole range of the joints and up to their speed limits. The covariance of the base
-parameters, as predicted for the plan, gives the standard deviation of the torque of each joint along such a motion.
-This standard deviation is divided by that of the noise of one torque sample. The ratio depends neither on the scaling
-of the parameters nor on the assumed noise.
+A model must predict torque in the whole range of the joints and up to their speed limits (free motion). From the
+covariance of the base parameters that is predicted for the plan, the standard deviation of the predicted torque of
+each joint in free motion is computed, and divided by the standard deviation of the noise of one torque sample. The
+ratio depends neither on the scaling of the parameters nor on the assumed noise.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from armid.robot.collision_body_names import BodyPair
 from armid.robot.kinematics import forward_kinematics
 
 UNUSABLE = 3.0
-"""Standard deviation of a predicted torque in free motion, divided by the noise of one sample, from which a plan
-cannot identify a joint. Plans of ordinary arms reach 0.03 to 0.5. The standard deviation decreases with the square
-root of the number of repetitions, so a plan with the value 3 would have to be repeated a hundred times to reach
-0.3."""
+"""Standard deviation of the predicted torque of a joint in free motion, divided by the noise of one sample, above
+which a plan cannot identify the joint. Plans of ordinary arms reach 0.03 to 0.5. The standard deviation decreases
+with the square root of the number of repetitions, so a plan with the value 3 would have to be repeated a hundred
+times to reach 0.3."""
 
 GROWN = 1.5
-"""Factor by which amplitudes are enlarged to find the limits that keep a plan small."""
+"""Factor by which the amplitudes of a plan are enlarged to find the limits that keep them small."""
 
 TESTED = 10.0
-"""Rate at which collisions are tested along the enlarged plan [Hz]."""
+"""Rate of the poses at which collisions are tested along the enlarged motion [Hz]."""
 
 HELD = 0.8
-"""If the utilisation of a limit at standstill in the start pose is larger, the finding gives the start pose as a
-reason, too."""
+"""Utilisation of a limit at standstill in the start pose above which the finding also names the start pose as a
+reason."""
 
 NAMED = 4
 """Largest number of limits and pairs of bodies that the finding names."""
@@ -97,11 +97,11 @@ def weak_motion(
 
 
 def deviations_in_free_motion(problem: DescentProblem, x: Array, limits: Limits) -> Array:
-    """Predicted standard deviation of each joint's torque in free motion, divided by that of its noise, shape (n,).
+    """Predicted standard deviation of each joint's torque in free motion, divided by the noise, shape (n,).
 
-    The noise is that of one torque sample. The free motion is a random series of the same period as the plan, in
-    which each joint reaches a limit of position, velocity, acceleration or jerk. Limits of torque and collisions are
-    not taken into account. A joint without position limits moves by half a turn in each direction.
+    The noise is the standard deviation of one torque sample. The free motion is a random series of the same period as
+    the plan, in which each joint reaches a limit of position, velocity, acceleration or jerk. Limits of torque and
+    collisions are not taken into account. A joint without position limits moves by half a turn in each direction.
     """
     goal, basis = problem.goal, problem.basis
     grid = Objective(goal, basis, max(round(goal.rate * basis.period), 40 * basis.harmonics))
@@ -124,11 +124,11 @@ def deviations_in_free_motion(problem: DescentProblem, x: Array, limits: Limits)
 def _reasons(
     problem: DescentProblem, x: Array, collision: CollisionOptions | None
 ) -> tuple[list[str], list[str], bool]:
-    """Texts on the limits that keep a plan small; the limits that a larger plan would exceed most come first.
+    """Texts on the limits that keep the amplitudes of a plan small, the most exceeded ones first.
 
     Returns:
-        The reasons, the kinds of limits that a larger plan exceeds, and true if standstill already uses much of a
-        limit.
+        The reasons, the kinds of the limits that a larger motion exceeds, and true if standstill in the start pose
+        already uses much of a limit.
     """
     basis, robot = problem.basis, problem.goal.model.robot
     larger, still = about_start(basis, x, GROWN), about_start(basis, x, 0.0)

@@ -39,11 +39,12 @@ GRAM_ROWS = 20_000
 """Largest number of rows for which the factors are always computed by QR, which takes milliseconds."""
 
 GRAM_CONDITION = 60.0
-"""Largest scaled condition number for which factors from products of columns are used in place of QR. Their relative
-error, ε times the square of this number, is then below 1e-12."""
+"""Largest condition number of the columns, scaled to unit length, for which Cholesky factors of the products of
+columns are used in place of QR. Their relative error, ε times the square of this number, is then below 1e-12."""
 
 GRAM_RESIDUAL = 1e-5
-"""Smallest ratio of residual to torque for which factors from products of columns are used: √ε with a margin."""
+"""Smallest ratio of the norm of a joint's residual to the norm of its torque for which Cholesky factors of the
+products of columns are used in place of QR. It is √ε with a margin."""
 
 
 @one_blas_thread
@@ -65,7 +66,7 @@ def accumulate_information(
         model: Arm and torque terms.
         base: Base parameters of the model.
         observations: Contiguous runs and the band of their filter.
-        threads: Number of threads for the blocks of unfiltered runs.
+        threads: Number of threads that compute the blocks of unfiltered runs.
         progress: Function that is called to report progress.
 
     Raises:
@@ -96,12 +97,12 @@ def accumulate_information(
 
 
 def _is_raw(run: ObservedRun, band: Band) -> bool:
-    """Checks whether the columns of a run are added to the factors without a filter."""
+    """Checks whether the rows of a run are added to the factors without filtering the regressor columns."""
     return band.is_open or not run.consecutive or not band.columns
 
 
 def _is_exact(information: Information) -> bool:
-    """Checks whether factors from products of columns are as accurate as those of a QR."""
+    """Checks whether the Cholesky factors of the products of columns are as accurate as factors by QR."""
     whole = total(information)
     torque = np.array([np.linalg.norm(joint.R[0, :, -1]) for joint in whole.joints])
     residual = np.array([abs(joint.R[0, -1, -1]) for joint in whole.joints])
@@ -120,7 +121,7 @@ def _inform(
     *,
     by_gram: bool,
 ) -> Information:
-    """Information of all runs; the blocks of all runs are numbered consecutively."""
+    """Computes the information of all runs; the blocks of all runs are numbered consecutively."""
     samples = sum(run.motion.samples for run in observations.runs)
     done = 0
     parts: list[Information] = []
@@ -150,13 +151,15 @@ def _inform(
 def _collect(
     new: tuple[Array, ...], blocks: NDArray[np.intp], factors: list[Array], filled: NDArray[np.bool_]
 ) -> None:
-    """Stores the factors of ranges of rows by block; the factors of several ranges of one block are merged.
+    """Stores the factors of ranges of rows, ordered by block.
+
+    If a block has several ranges of rows, their factors are merged.
 
     Args:
-        new: For each joint, the factor of each range of rows.
-        blocks: Index of the block to which each range belongs.
-        factors: For each joint, the factor of each block; it is changed.
-        filled: True for blocks that already have factors; it is changed.
+        new: For each joint, the factors of all ranges, shape (ranges, k + 1, k + 1).
+        blocks: Index of the block to which each range belongs, shape (ranges,).
+        factors: For each joint, the factors of all blocks, shape (blocks, k + 1, k + 1); changed in place.
+        filled: Mask of the blocks that already have factors, shape (blocks,); changed in place.
     """
     for number, k in enumerate(blocks):
         for joint, R in enumerate(new):
@@ -166,7 +169,7 @@ def _collect(
 
 
 def _of_run(source: ColumnSource, run: ObservedRun, index: int, factors: list[Array], method: str) -> Information:
-    """Information of one run from the factors of its joints, which are removed from the list `factors`."""
+    """Information of one run, made from the factors of its joints, which are removed from the list `factors`."""
     borders = _borders(run)
     names, which = np.unique(run.block[borders[:-1]], return_inverse=True)
     rows = np.zeros((len(names), source.tree.n), dtype=np.int64)
@@ -184,7 +187,7 @@ def _of_run(source: ColumnSource, run: ObservedRun, index: int, factors: list[Ar
 
 
 def _borders(run: ObservedRun) -> NDArray[np.intp]:
-    """First row of each of the k series of rows with the same block, and the number of rows, shape (k + 1,)."""
+    """Borders between successive rows of different blocks: k first rows and the number of rows, shape (k + 1,)."""
     changes = np.flatnonzero(run.block[1:] != run.block[:-1]) + 1
     return np.concatenate([[0], changes, [len(run.block)]])
 
@@ -199,7 +202,7 @@ class _RowRange:
 
 
 def _row_ranges(run: ObservedRun) -> list[_RowRange]:
-    """Cuts the output grid into ranges of rows: at the borders of blocks and, in long blocks, every CHUNK rows."""
+    """Divides the output grid into ranges of rows of one block each, with at most CHUNK rows."""
     return [
         _RowRange(a, min(a + CHUNK, end), int(run.block[begin]))
         for begin, end in pairwise(_borders(run).tolist())
@@ -208,7 +211,7 @@ def _row_ranges(run: ObservedRun) -> list[_RowRange]:
 
 
 def _batches(ranges: list[_RowRange]) -> Iterator[list[_RowRange]]:
-    """Batches: groups of successive ranges of rows with at most CHUNK rows together."""
+    """Groups successive ranges of rows into batches of at most CHUNK rows."""
     batch: list[_RowRange] = []
     for rows in ranges:
         if batch and rows.end - batch[0].begin > CHUNK:
@@ -222,7 +225,10 @@ def _batches(ranges: list[_RowRange]) -> Iterator[list[_RowRange]]:
 def _raw_blocks(
     source: ColumnSource, run: ObservedRun, band: Band, threads: int, *, by_gram: bool
 ) -> Iterator[tuple[Array, NDArray[np.int64], int]]:
-    """Yields factors of ranges of rows of an unfiltered run, their blocks, and the number of processed samples."""
+    """Yields, for each batch of an unfiltered run, the factors of its ranges of rows.
+
+    With them come the block of each range and the number of samples processed so far.
+    """
     one_sided = run.consecutive and not band.is_open and not band.columns
     torque = filtered_torque(run, band) if one_sided else run.torque
     masked = not run.mask.all()
@@ -250,7 +256,10 @@ def _raw_blocks(
 def _filtered_blocks(
     source: ColumnSource, run: ObservedRun, band: Band
 ) -> Iterator[tuple[Array, NDArray[np.int64], int]]:
-    """Yields factors of ranges of rows of a filtered run, their blocks, and the number of processed samples."""
+    """Yields, for each batch of a filtered run, the factors of its ranges of rows.
+
+    With them come the block of each range and the number of samples processed so far.
+    """
     widths = source.layout.widths.astype(np.int64)
     for begin, x in filtered_columns(source, run, band):
         mask, block = run.mask[begin : begin + x.shape[1]], run.block[begin : begin + x.shape[1]]

@@ -31,12 +31,15 @@ class ColumnSource:
     names: tuple[ParameterName, ...]
 
     def term_rows(self, motion: Motion) -> Array:
-        """Regressor columns of torque terms that the layout contains, along a motion, as rows, shape (e, N)."""
+        """Regressor columns of the torque terms that the layout contains, along a motion, shape (e, N).
+
+        Each of the e rows is one column at the N samples of the motion.
+        """
         return self.model.term_columns(motion, self.layout.kept).values
 
 
 def column_source(model: DynamicsModel, base: BaseParameters) -> ColumnSource:
-    """Collects what is needed to compute the regressor columns of a model's base parameters along any motion."""
+    """Creates the source that computes the regressor columns of a model's base parameters along any motion."""
     number = np.full(len(model.parameters), -1, dtype=np.int32)
     number[base.kept] = np.arange(base.count)
     joint = np.array([entry[0] for entry in model.entries], dtype=np.int32)

@@ -1,8 +1,8 @@
 """Rows of the regressor of a run, computed in batches in a second pass over the samples.
 
-Robust weights, tests of whiteness and noise spectra need single rows, which cannot be obtained from the factors. The
-rows are filtered and lie on the output grid; the factors were computed from the same rows. Only one batch of rows is
-in memory at a time.
+Robust weights, tests of whiteness and noise spectra need single rows, which cannot be computed from the triangular
+factors of the information. The rows are filtered and lie on the output grid; the factors were computed from the same
+rows. Only one batch of rows is in memory at a time.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ BATCH = 8192
 def rows(source: ColumnSource, run: ObservedRun, band: Band) -> Iterator[tuple[int, Array]]:
     """Filtered regressor columns and torque of every joint on the output grid, in batches.
 
-    The mask is not applied. For a model with hysteresis, the mask of the run must also exclude the rows with unknown
+    The mask of the run is not applied. For a model with hysteresis, the mask must also exclude the rows with unknown
     states: pass a run from `armid.information.hysteresis_states.with_hysteresis_states` and use its mask.
 
     Args:
         source: Source of the columns. Joint j has columns `layout.offset[j]` to `layout.offset[j + 1] - 1`; the last
-            one is the torque.
+            one of them is its torque.
         run: The run; its hysteresis states are computed if it has none yet.
         band: Filter of torque and columns, or of the torque only if `band.columns` is false.
 
     Yields:
-        First row of the batch, and its columns, shape (columns, M).
+        Index of the first row of the batch, and columns of all joints at its M rows, shape (columns, M).
 
     Raises:
         ArmidError: The model has hysteresis, and the samples of the run are not consecutive.
@@ -57,5 +57,5 @@ def rows(source: ColumnSource, run: ObservedRun, band: Band) -> Iterator[tuple[i
 
 
 def all_rows(source: ColumnSource, run: ObservedRun, band: Band) -> Array:
-    """Filtered regressor columns and torque of a whole run, shape (columns, M), for short runs."""
+    """Filtered regressor columns and torque of a whole short run in one array, shape (columns, M)."""
     return np.concatenate([x for _, x in rows(source, run, band)], axis=1)

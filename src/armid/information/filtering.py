@@ -27,11 +27,11 @@ CHUNK = 16384
 """Number of samples whose columns of torque terms are in memory at a time."""
 
 OVERLAP = 16
-"""Number of additional decimated rows on each side for the interpolation; its filter needs seven."""
+"""Number of additional decimated rows on each side of a batch for the interpolation; its filter needs seven."""
 
 
 def in_band(x: Array, rate: float, band: Band) -> Array:
-    """Signals (N, ...) of one run at full rate, filtered with the low-pass of the band."""
+    """Filters signals of one run at the full sampling rate with the low-pass of the band, shape (N, ...)."""
     filter = low_pass(band.family, band.order, band.cutoff, rate)
     if filter is None:
         return x
@@ -39,19 +39,19 @@ def in_band(x: Array, rate: float, band: Band) -> Array:
 
 
 def filtered_torque(run: ObservedRun, band: Band) -> Array:
-    """Torque of a run, filtered with the band, at full rate, shape (N, n)."""
+    """Torque of a run after the filter of the band, at the full sampling rate, shape (N, n) [N·m or N]."""
     return in_band(run.torque, run.rate, band)
 
 
 def filtered_columns(source: ColumnSource, run: ObservedRun, band: Band) -> Iterator[tuple[int, Array]]:
     """Filtered regressor columns and torque on the output grid, in batches.
 
-    The sharp filter is applied to the decimated ("early") rows. The step between early rows is a divisor of the step
-    of the output grid. If the output grid is denser than the band needs, the step between early rows is larger
-    instead, and the filtered columns are interpolated.
+    First the columns are decimated to the "early" rows, then the sharp filter of the band is applied. The step
+    between early rows is a divisor of the step of the output grid. If the output grid is denser than the band needs,
+    the step between early rows is larger instead, and the filtered columns are interpolated.
 
     Yields:
-        First row of the batch, and its columns, shape (columns, rows).
+        Index of the first row of the batch, and columns of all joints at its rows, shape (columns, rows).
     """
     early = decimation_step(run.rate, band.cutoff, run.step)
     factor = _rows_between(run, band) if early == run.step else 1
@@ -86,9 +86,9 @@ def filtered_columns(source: ColumnSource, run: ObservedRun, band: Band) -> Iter
 
 
 def _rows_between(run: ObservedRun, band: Band) -> int:
-    """Number of rows of the output grid for each row that the cut-off of the band requires.
+    """Number of steps of the output grid in the coarsest step that the cut-off of the band allows, at least 1.
 
-    If the edges are periodic, it is a divisor of the number of rows of a period.
+    If the edges are periodic, the number is a divisor of the number of rows of a period.
     """
     factor = max(1, coarsest_step(run.rate, band.cutoff) // run.step)
     if band.edges == "periodic":
@@ -100,9 +100,10 @@ def _rows_between(run: ObservedRun, band: Band) -> int:
 
 
 def _rows(x: Array, lead: int, late: int, factor: int, begin: int, end: int, *, periodic: bool) -> Array:
-    """Rows `begin` to `end - 1` of the output grid from the filtered decimated columns.
+    """Rows `begin` to `end - 1` of the output grid, taken or interpolated from the filtered decimated columns `x`.
 
-    Column `lead` of `x` belongs to row 0.
+    Column `lead` of `x` belongs to row 0. With `factor` 1, every column number `late` is a row; otherwise there are
+    `factor` rows for each column.
     """
     if factor == 1:
         start = lead + begin * late
@@ -117,7 +118,7 @@ def _rows(x: Array, lead: int, late: int, factor: int, begin: int, end: int, *, 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _EarlyColumns:
-    """Columns of a run after the first decimation; row r is centred on sample first + r · step."""
+    """Columns of a run after the first decimation; row r is centred on sample `first` + r · `step`."""
 
     source: ColumnSource
     run: ObservedRun
@@ -131,14 +132,14 @@ class _EarlyColumns:
         return len(range(self.first, self.run.motion.samples, self.step))
 
     def between(self, a: int, b: int) -> Array:
-        """Decimated rows `a` to `b - 1` of the run, whose ends are continued by reflection."""
+        """Decimated rows `a` to `b - 1`, shape (columns, b - a); the run is continued by reflection at its ends."""
         out = self._inside(a, b)
         if len(self.taps) > 1:
             _reflect_ends(self.source, self.run, self.taps, self.step, self.first, a, b, out)
         return out
 
     def periodic(self) -> Array:
-        """All decimated rows of the run; beyond its ends, the run is continued periodically."""
+        """All decimated rows, shape (columns, available); beyond its ends, the run is continued periodically."""
         out = self._inside(0, self.available)
         half, N = len(self.taps) // 2, self.run.motion.samples
         lowest, highest = self.first - half, self.first + (self.available - 1) * self.step + half
@@ -158,7 +159,10 @@ class _EarlyColumns:
         return out
 
     def _add(self, begin: int, end: int, first_tap: int, out: Array) -> None:
-        """Adds samples `begin` to `end - 1` to `out`; the first tap of row 0 multiplies sample `first_tap`."""
+        """Adds samples `begin` to `end - 1` to the decimated rows `out`.
+
+        The first tap of row 0 of `out` multiplies sample `first_tap`.
+        """
         part = self.run.motion[slice(begin, end)]
         kernel.decimate(
             self.source.tree,
@@ -178,7 +182,7 @@ class _EarlyColumns:
 def _reflect_ends(
     source: ColumnSource, run: ObservedRun, taps: Array, step: int, first: int, a: int, b: int, out: Array
 ) -> None:
-    """Recomputes the rows whose filter reaches beyond an end of the run; the run is continued there by reflection."""
+    """Recomputes in `out` the rows whose filter reaches beyond an end of the run, continued by reflection."""
     half = len(taps) // 2
     N = run.motion.samples
     length = min(N, 2 * half + 1 + half)

@@ -19,7 +19,7 @@ from armid.measurement.observations import Observations, ObservedRun
 from armid.model.dynamics_model import DynamicsModel
 
 NOTABLE = 0.2
-"""Share of the rows of a joint in which the states are unknown, above which a finding is reported: one second of
+"""Share of the rows of a joint with unknown hysteresis states, above which a finding is reported: one second of
 five."""
 
 
@@ -51,10 +51,11 @@ def with_hysteresis_states(model: DynamicsModel, run: ObservedRun, band: Band) -
 
 
 def with_sliding_states(model: DynamicsModel, run: ObservedRun) -> ObservedRun:
-    """Adds the hysteresis states of a joint that has moved in its present direction for long enough that all slip.
+    """Adds hysteresis states to samples without history, as if every joint had slid for long in its direction.
 
-    Separate samples do not show the earlier motion. In motion, most samples are far from a reversal, so the torque of
-    hysteresis is then that of Coulomb friction. Without velocity it is zero.
+    Samples that are not consecutive do not contain the earlier motion. In motion, most samples are far from a
+    reversal, where all play elements slip and the torque of hysteresis is that of Coulomb friction. At zero velocity
+    this torque is set to zero.
 
     Args:
         model: Arm and torque terms with hysteresis.
@@ -69,7 +70,10 @@ def with_sliding_states(model: DynamicsModel, run: ObservedRun) -> ObservedRun:
 
 
 def without_creep(observations: Observations) -> Observations:
-    """Observations without the rows of a joint that rests while others move; rests of all joints stay in use."""
+    """Observations in which the rows of a joint that rests while others move are masked.
+
+    Rows in which all joints rest stay in use.
+    """
     runs: list[ObservedRun] = []
     for run in observations.runs:
         resting = resting_rows(run, observations.band)
@@ -78,7 +82,7 @@ def without_creep(observations: Observations) -> Observations:
 
 
 def require_consecutive(model: DynamicsModel, given: Observations, rows: NDArray[np.int64]) -> None:
-    """Raises an error if hysteresis states are unknown in all rows of a joint.
+    """Raises an error if no row of a joint remains because its hysteresis states are unknown in all rows.
 
     Args:
         model: Arm and torque terms.
@@ -102,7 +106,7 @@ def require_consecutive(model: DynamicsModel, given: Observations, rows: NDArray
 
 
 def memory_findings(model: DynamicsModel, observations: Observations) -> tuple[Finding, ...]:
-    """Findings about joints with many rows in which the hysteresis states are unknown, run by run."""
+    """Findings about joints whose hysteresis states are unknown in many rows of a run, one for each joint and run."""
     findings: list[Finding] = []
     for run in observations.runs if model.nodes else ():
         known = with_hysteresis_states(model, run, observations.band).mask.sum(axis=0)
@@ -122,7 +126,10 @@ def memory_findings(model: DynamicsModel, observations: Observations) -> tuple[F
 
 
 def _known_joints(model: DynamicsModel, known: NDArray[np.int64]) -> NDArray[np.int64]:
-    """First sample from which all states that act on a joint are known, for each joint, shape (n,)."""
+    """Index of the first sample from which all states that act on a joint are known, for each joint, shape (n,).
+
+    `known` contains this index for each state.
+    """
     since = np.zeros(model.n, dtype=np.int64)
     for node, first in zip(model.nodes, known, strict=True):
         for j, _ in node.coordinate:
@@ -131,7 +138,10 @@ def _known_joints(model: DynamicsModel, known: NDArray[np.int64]) -> NDArray[np.
 
 
 def _unknown(run: ObservedRun, band: Band, since: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Mask of the rows that samples before `since` of each joint influence through the filter, shape (M, n)."""
+    """Mask of the rows that the filter mixes with samples of unknown state, shape (M, n).
+
+    The states of joint j are known from sample `since[j]`.
+    """
     reach = filter_reach(run, band)
     rows = run.rows[:, None]
     reached = (rows < since + reach) & (since > 0)
@@ -142,9 +152,10 @@ def _unknown(run: ObservedRun, band: Band, since: NDArray[np.int64]) -> NDArray[
 
 
 def _after_rests(model: DynamicsModel, run: ObservedRun, band: Band) -> NDArray[np.bool_]:
-    """Mask of the rows that a joint's rests influence, until the motion has determined the states anew, shape (M, n).
+    """Mask of the rows from a joint's rest until the motion has determined the states again, shape (M, n).
 
-    A rest at the end of a run lasts to its end.
+    It includes the rows that these samples influence through the filter. If the motion does not determine the states
+    again, the mask extends to the end of the run.
     """
     samples, reach = run.motion.samples, filter_reach(run, band)
     unknown = np.zeros((samples + 1, model.n), dtype=np.int64)

@@ -72,7 +72,7 @@ class Information(Displayed):
     Attributes:
         names: Names of the base parameters, b of them.
         joints: Factors of each joint, n of them.
-        rows: Number of rows in use, shape (blocks, n).
+        rows: Number of rows in use of each block and joint, shape (blocks, n).
         run: Index of the contiguous run to which each block belongs, counted through all recordings, shape (blocks,).
         recording: Index of the recording to which each block belongs, shape (blocks,).
         scale_deviation: Relative standard deviation of the scale of the torque of each joint, for instance of the
@@ -129,7 +129,7 @@ class Information(Displayed):
 
 
 def merge(parts: Sequence[Information]) -> Information:
-    """Information with the blocks of several parts about the same base parameters, in the order of the parts.
+    """Combines information about the same base parameters; the blocks are in the order of the parts.
 
     Raises:
         ArmidError: There are no parts, or the parts have different base parameters.
@@ -177,11 +177,11 @@ def select(information: Information, blocks: NDArray[np.integer] | NDArray[np.bo
 
 
 def restrict(information: Information, kept: NDArray[np.intp]) -> Information:
-    """Information about the parameters `kept` only, for a model without the other parameters.
+    """Information of a model that has only the base parameters `kept`; the columns of the others are removed.
 
     Args:
         information: Information of any number of blocks.
-        kept: Indices of the parameters that are kept, ascending.
+        kept: Indices of the base parameters that are kept, ascending.
     """
     number = np.full(information.count, -1, dtype=np.int32)
     number[kept] = np.arange(len(kept))
@@ -195,7 +195,7 @@ def restrict(information: Information, kept: NDArray[np.intp]) -> Information:
 
 
 def total(information: Information) -> Information:
-    """Merges all blocks into one, by the triangular factor of the stacked factors of each joint."""
+    """Merges all blocks into one: for each joint, the triangular factor of its stacked factors."""
     if information.blocks == 1:
         return information
     joints = tuple(

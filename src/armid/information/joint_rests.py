@@ -1,8 +1,8 @@
 """Rests of single joints at the full sampling rate, and the rows that they influence.
 
-Processing leaves out standstill between motions that it tells from a smooth passage through zero speed. A joint that
-creeps by 0.01 rad/s for a second while others move passes this test, and friction at such a speed is any torque up to
-its bound. So terms that act near standstill would be selected for what happens in rests.
+Processing leaves out standstill between motions, which it distinguishes from a smooth passage through zero speed. A
+joint that creeps at 0.01 rad/s for a second while others move counts as moving there. But at such a speed friction
+can be any torque up to its bound, so selection would add terms near standstill only to fit the torque in these rests.
 """
 
 from __future__ import annotations
@@ -15,16 +15,17 @@ from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 
 REST = 0.5
-"""Shortest rest [s]. Within it, friction in a gear relaxes, and a controller moves the joint by less than its encoder
-resolves, so the torque at rest is not the one that the last motion left."""
+"""Shortest rest of a joint [s]. During such a time, friction in a gear relaxes, and a controller moves the joint by
+less than the resolution of its encoder. The torque at rest is then no longer the torque at the end of the last
+motion."""
 
 CREEP = 0.05
-"""Share of a joint's RMS speed in a run below which it rests. Creep of 0.01 rad/s was seen on joints that otherwise
-move at 0.5 rad/s."""
+"""Ratio of a joint's speed to its RMS speed in the run, below which the joint rests. Creep of 0.01 rad/s was observed
+on joints that otherwise move at 0.5 rad/s."""
 
 
 def rests(run: ObservedRun) -> list[NDArray[np.intp]]:
-    """First sample and end of each rest of each joint, n arrays (rests, 2)."""
+    """First sample and end (exclusive) of each rest of each joint: n arrays of shape (rests, 2)."""
     speed = np.abs(run.motion.dq)
     slow = speed < CREEP * np.sqrt(np.mean(speed**2, axis=0))
     result: list[NDArray[np.intp]] = []
@@ -47,6 +48,6 @@ def resting_rows(run: ObservedRun, band: Band) -> NDArray[np.bool_]:
 
 
 def filter_reach(run: ObservedRun, band: Band) -> int:
-    """Number of samples over which the filter spreads a wrong value of one sample."""
+    """Number of samples on each side of a wrong sample to which the filter of the columns spreads its error."""
     filter = low_pass(band.family, band.order, band.cutoff, run.rate) if band.columns else None
     return 0 if filter is None else edge_samples(filter)

@@ -50,7 +50,7 @@ def compare(model: DynamicsModel, standard: Array, run: ObservedRun, band: Band)
     Args:
         model: Arm and torque terms.
         standard: Standard parameters, or other values that give the same torque, shape (p,).
-        run: The run.
+        run: Contiguous run with the motion and the measured torque.
         band: Filter of measured and predicted torque, or of the measured torque only if `band.columns` is false.
 
     Returns:

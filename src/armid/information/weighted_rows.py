@@ -1,8 +1,8 @@
-"""Information from weighted rows, computed in a further pass over the samples for each change of the weights.
+"""Information from weighted rows, computed in a new pass over the samples after each change of the weights.
 
-Every pass computes the rows again, in batches. The rows are stored between passes only if all of them fit into
-`KEPT` bytes. The memory therefore does not grow with the length of the recordings, and short recordings are filtered
-only once.
+Every pass computes the rows again, in batches. The rows are stored between passes only if all of them fit into `KEPT`
+bytes. The memory therefore does not grow with the length of the recordings, and short recordings are filtered only
+once.
 """
 
 from __future__ import annotations
@@ -87,15 +87,15 @@ class WeightedRows:
 
 
 def weighted_information(every: WeightedRows, weigh: Weigh, *, blocks: bool = True) -> Information:
-    """Information of rows that are multiplied by the square roots of their weights.
+    """Information of the rows, each multiplied by the square root of its weight.
 
     Args:
         every: All rows of the observations.
-        weigh: Function that returns the weight of each row, for one joint at a time.
+        weigh: Function that returns the weights of the rows of a batch, for one joint at a time.
         blocks: If true, the blocks stay separate; otherwise every run is one block, which is faster.
 
     Returns:
-        Information of the weighted rows. Its `rows` counts the rows, independent of their weights.
+        Information of the weighted rows. Its field `rows` is the number of rows, independent of their weights.
     """
     runs = every.observations.runs
     names = [np.unique(run.block) if blocks else np.zeros(1, dtype=np.int64) for run in runs]
@@ -108,7 +108,7 @@ def weighted_information(every: WeightedRows, weigh: Weigh, *, blocks: bool = Tr
 
 
 def _add(source: ColumnSource, batch: Batch, weigh: Weigh, number: NDArray[np.int64], factors: list[Array]) -> None:
-    """Adds the rows of a batch to the factors of their blocks."""
+    """Weights the rows of a batch and adds them to the factors of their blocks; `number` is the block of each row."""
     bounds = np.concatenate([[0], np.flatnonzero(np.diff(number)) + 1, [len(number)]])
     for j, whole in enumerate(factors):
         a, b = source.layout.offset[j], source.layout.offset[j + 1]
@@ -121,7 +121,7 @@ def _add(source: ColumnSource, batch: Batch, weigh: Weigh, number: NDArray[np.in
 def _of_run(
     source: ColumnSource, index: int, run: ObservedRun, names: NDArray[np.int64], factors: list[Array]
 ) -> Information:
-    """Information of one run from the factors of its joints and blocks."""
+    """Information of one run, made from the factors of its joints and blocks, whose numbers are `names`."""
     number = np.searchsorted(names, run.block) if len(names) > 1 else np.zeros(len(run.block), dtype=np.intp)
     counted = np.zeros((len(names), source.tree.n), dtype=np.int64)
     np.add.at(counted, number, run.mask)

@@ -52,15 +52,15 @@ def in_use() -> str:
 
 @lru_cache(maxsize=64)
 def compiled_arm(tree: Tree) -> _native.Arm:
-    """Tree in the form of the compiled kernel."""
+    """Converts a tree to the arm object of the compiled kernel; the result is cached."""
     return _native.Arm(tree.parent, tree.prismatic, tree.axis, tree.rotation, tree.translation, tree.gravity)
 
 
 def states_of(tree: Tree, *arrays: ArrayLike) -> list[Array]:
-    """Converts arrays (N, n) to float64 in C order, as the kernel needs them.
+    """Converts arrays of joint positions, velocities, … (N, n) to float64 in C order, as the kernel needs them.
 
     Raises:
-        ArmidError: An array has another shape.
+        ArmidError: The arrays do not all have the shape (N, n) with the n joints of the tree.
     """
     result = [np.ascontiguousarray(x, dtype=np.float64) for x in arrays]
     shapes = [x.shape for x in result]
@@ -70,7 +70,7 @@ def states_of(tree: Tree, *arrays: ArrayLike) -> list[Array]:
 
 
 def _output(out: Array | None, shape: tuple[int, ...]) -> Array:
-    """Output array: `out` after a check of its shape, or a new array."""
+    """Array for a result of this shape: `out` after a check of its shape and type, or a new array."""
     if out is None:
         return np.empty(shape)
     if out.shape != shape or out.dtype != np.float64 or not out.flags.c_contiguous or not out.flags.writeable:
@@ -87,7 +87,7 @@ def regressor(
     out: Array | None = None,
     chosen: str | None = None,
 ) -> Array:
-    """Rigid-body regressor Y, shape (N, n, 10 n), with τ = Y θ for the inertial parameters θ, link by link.
+    """Rigid-body regressor Y, shape (N, n, 10 n), with τ = Y θ for the 10 n inertial parameters θ, link by link.
 
     If `out` is given, the result is written to `out`, and `out` is returned. This saves time, because the allocation
     of a large array takes longer than the computation.
@@ -111,7 +111,7 @@ def inverse_dynamics(
     *,
     chosen: str | None = None,
 ) -> Array:
-    """Joint torque (N, n) of rigid links with inertial parameters (n, 10)."""
+    """Joint torque, shape (N, n) [N·m or N], of rigid links with inertial parameters of shape (n, 10)."""
     q, dq, ddq = states_of(tree, q, dq, ddq)
     inertial = np.ascontiguousarray(inertial, dtype=np.float64)
     chosen = chosen or in_use()
@@ -123,7 +123,7 @@ def inverse_dynamics(
 
 
 def mass_matrix(tree: Tree, inertial: ArrayLike, q: ArrayLike, *, chosen: str | None = None) -> Array:
-    """Mass matrix (N, n, n) of rigid links with inertial parameters (n, 10)."""
+    """Mass matrix, shape (N, n, n), of rigid links with inertial parameters of shape (n, 10) at positions (N, n)."""
     (q,) = states_of(tree, q)
     inertial = np.ascontiguousarray(inertial, dtype=np.float64)
     chosen = chosen or in_use()
@@ -154,7 +154,7 @@ def columns(
         q: Joint positions, shape (N, n).
         dq: Joint velocities, shape (N, n).
         ddq: Joint accelerations, shape (N, n).
-        torque: Joint torques, shape (N, n).
+        torque: Joint torques, shape (N, n) [N·m or N].
         terms: Regressor columns of the torque terms that are kept, one in each row, shape (e, N).
         out: Array to which the result is written; a new array if not given.
         chosen: Build of the kernel.
@@ -195,10 +195,11 @@ def factor(
         q: Joint positions, shape (N, n).
         dq: Joint velocities, shape (N, n).
         ddq: Joint accelerations, shape (N, n).
-        torque: Joint torques, shape (N, n).
+        torque: Joint torques, shape (N, n) [N·m or N].
         terms: Regressor columns of the torque terms that are kept, one in each row, shape (e, N).
-        bounds: Block k holds samples `bounds[k]` to `bounds[k + 1] - 1`, shape (blocks + 1,).
-        mask: Rows in use, shape (N, n).
+        bounds: First sample of each block, and N, shape (blocks + 1,): block k contains samples `bounds[k]` to
+            `bounds[k + 1] - 1`.
+        mask: Mask of the rows in use, shape (N, n); all rows if not given.
         by_gram: If true, the factors are computed by Cholesky factorisation of the products of the columns, not by
             QR. This needs half the arithmetic, but its relative error is ε times the square of the scaled condition
             number. The caller must check this error.
@@ -225,7 +226,10 @@ def factor(
 
 
 def unpack_factors(layout: ColumnLayout, factors: Array) -> tuple[Array, ...]:
-    """Upper triangular factors of each joint, shape (blocks, width, width)."""
+    """Splits the result of `factor` into the upper triangular factors of each joint, shape (blocks, width, width).
+
+    `width` is the number of columns of the joint, torque included.
+    """
     sizes = layout.widths.astype(np.int64) ** 2
     starts = np.concatenate([[0], np.cumsum(sizes)])
     return tuple(
@@ -235,11 +239,14 @@ def unpack_factors(layout: ColumnLayout, factors: Array) -> tuple[Array, ...]:
 
 
 def factor_columns(x: ArrayLike, bounds: ArrayLike | None = None, *, chosen: str | None = None) -> Array:
-    """Upper triangular factors (blocks, K, K) of given columns.
+    """Upper triangular factors R of K given columns, one for each block of rows, shape (blocks, K, K).
+
+    Rᵀ R is the matrix of the products of the columns in the block.
 
     Args:
         x: Columns, shape (K, rows).
-        bounds: Block k holds rows `bounds[k]` to `bounds[k + 1] - 1`; if not given, all rows are one block.
+        bounds: First row of each block, and the number of rows: block k contains rows `bounds[k]` to `bounds[k + 1] -
+            1`; if not given, all rows are one block.
         chosen: Build of the kernel.
     """
     x = np.ascontiguousarray(x, dtype=np.float64)
@@ -269,7 +276,8 @@ def decimate(
 ) -> None:
     """Filters and decimates the columns of every joint and adds them to `out`; the full-rate columns are not stored.
 
-    For each column, the sum of taps[s - first - r step] · column[s] over the samples s is added to entry r.
+    For each column, entry r of `out` is increased by the sum of taps[s - first - r step] · column[s] over the samples
+    s.
 
     Args:
         tree: The arm.
@@ -277,11 +285,11 @@ def decimate(
         q: Joint positions, shape (N, n).
         dq: Joint velocities, shape (N, n).
         ddq: Joint accelerations, shape (N, n).
-        torque: Joint torques, shape (N, n).
+        torque: Joint torques, shape (N, n) [N·m or N].
         terms: Regressor columns of the torque terms that are kept, one in each row, shape (e, N).
         taps: Filter coefficients, shape (length,).
-        step: Samples from one output row to the next.
-        first: Index of the sample that the first tap multiplies for output row 0; it may be negative.
+        step: Number of samples between successive output rows.
+        first: Index of the sample that is multiplied by the first tap for output row 0; it may be negative.
         out: Array to which the result is added, shape (columns, rows).
         chosen: Build of the kernel.
     """

@@ -20,8 +20,8 @@ from armid.kernel.joint_column_layout import ColumnLayout
 from armid.kernel.tree import Tree
 
 WIDEST = 8
-"""Number of samples that fit in the widest register. The adjoint processes this number of samples at once, so it
-needs at least this many."""
+"""Number of samples in the widest register. The adjoint processes this number of samples at once, so shorter motions
+are padded with zeros."""
 
 
 @lru_cache(maxsize=64)
@@ -126,7 +126,7 @@ def information_adjoint(
     *,
     chosen: str | None = None,
 ) -> tuple[Array, Array, Array, Array]:
-    """Gradients of a function of the information matrix by q, dq and ddq, shape (N, n), and by `terms`, shape (e, N).
+    """Gradients of a scalar function of the information matrix by q, dq and ddq (N, n), and by `terms` (e, N).
 
     Args:
         tree: The arm.
@@ -136,7 +136,7 @@ def information_adjoint(
         ddq: Joint accelerations, shape (N, n).
         terms: Regressor columns of the torque terms that are kept, one in each row, shape (e, N).
         weights: Weight of each joint's rows, shape (n,).
-        slopes: Derivative of the function by the information matrix, symmetric, shape (count, count).
+        slopes: Derivative of the function with respect to the information matrix, symmetric, shape (count, count).
         chosen: Build of the kernel.
     """
     q, dq, ddq = states_of(tree, q, dq, ddq)

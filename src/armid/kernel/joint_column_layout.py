@@ -13,7 +13,7 @@ from armid.kernel.tree import Tree
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ColumnLayout:
-    """Layout of the columns of each joint: those of the links that the joint carries, its torque terms, and torque.
+    """Layout of the regressor columns of each joint: links that it carries, its torque terms, and last its torque.
 
     Joint j has columns `offset[j]` to `offset[j + 1] - 1`. The last of these columns is the torque; the others are
     the regressor columns of `parameters[j]`, in ascending order.
@@ -23,8 +23,8 @@ class ColumnLayout:
         target: Column, counted from the first column of joint j, of each inertial parameter of link i, for all pairs
             of a link i and a joint j that carries link i (links in order, joints from the base). Shape (10 pairs,);
             -1 if the column is not kept; empty without rigid bodies.
-        term: Column of each kept regressor column of the torque terms, shape (e,).
-        kept: Indices of the kept columns among all columns of the torque terms of the model, shape (e,).
+        term: Index of the column of each of the e kept regressor columns of the torque terms, shape (e,).
+        kept: Indices of these e columns among all columns of the torque terms of the model, shape (e,).
         parameters: Indices of the chosen parameters that the torque of each joint depends on, one array for each
             joint.
     """
@@ -42,7 +42,7 @@ class ColumnLayout:
 
     @property
     def parameter(self) -> NDArray[np.int32]:
-        """Index of the chosen parameter of every column, 0 for torques, shape (columns,)."""
+        """Index of the chosen parameter to which each column belongs, shape (columns,); 0 for torques."""
         torque = np.zeros(1, dtype=np.int32)
         return np.concatenate([part for own in self.parameters for part in (own, torque)])
 

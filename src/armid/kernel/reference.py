@@ -22,7 +22,7 @@ _UNIT_BODIES = np.array([spatial_inertia(e) for e in np.eye(10)])
 
 @dataclass(slots=True)
 class _Link:
-    """Link i at N samples: its rotation and origin in the base frame, its Jacobian J_i, D_i, and gravity G_i."""
+    """Link i at N samples: its pose in the base frame, its Jacobian J_i with the derivative D_i, gravity G_i."""
 
     rotation: Array  # (N, 3, 3)
     origin: Array  # (N, 3)
@@ -32,7 +32,7 @@ class _Link:
 
 
 def regressor(tree: Tree, q: Array, dq: Array, ddq: Array) -> Array:
-    """Regressor Y with torque = Y · parameters, shape (N, n, 10 n); the parameters are ordered link by link."""
+    """Regressor Y with torque = Y · parameters, shape (N, n, 10 n); the 10 n parameters are ordered link by link."""
     Y = np.empty((len(q), tree.n, 10 * tree.n))
     for i, link in enumerate(_links(tree, q, dq)):
         v, a = _velocity_acceleration(link, dq, ddq)
@@ -85,7 +85,7 @@ def gravity_torque(tree: Tree, inertial: Array, q: Array) -> Array:
 
 
 def kinetic_energy(tree: Tree, inertial: Array, q: Array, dq: Array) -> Array:
-    """Kinetic energy, shape (N,) [J]."""
+    """Kinetic energy of rigid links with inertial parameters (n, 10) at N samples, shape (N,) [J]."""
     velocities = (_apply(link.jacobian, dq) for link in _links(tree, q, dq))
     pairs = zip(velocities, map(spatial_inertia, inertial), strict=True)
     return sum((0.5 * np.sum(v * (v @ inertia), -1) for v, inertia in pairs), np.zeros(len(q)))
@@ -99,7 +99,7 @@ def potential_energy(tree: Tree, inertial: Array, q: Array) -> Array:
 
 
 def _links(tree: Tree, q: Array, dq: Array) -> list[_Link]:
-    """All links of the tree at N samples, from base to tips."""
+    """Computes rotation, origin, Jacobian, its derivative and gravity of all links, from base to tips."""
     samples, n = q.shape
     still = np.zeros((samples, 6, n))
     gravity = np.broadcast_to(np.concatenate([np.zeros(3), tree.gravity]), (samples, 6))
@@ -134,7 +134,10 @@ def _velocity_acceleration(link: _Link, dq: Array, ddq: Array) -> tuple[Array, A
 
 
 def _momentum_columns(v: Array) -> Array:
-    """Derivatives (N, 6, 10) of the spatial momentum of a link with velocity v (N, 6) by its inertial parameters."""
+    """Matrices (N, 6, 10) by which the inertial parameters of a link are multiplied to obtain its spatial momentum.
+
+    The spatial velocity v of the link has shape (N, 6).
+    """
     return np.einsum("kab,nb->nak", _UNIT_BODIES, v)
 
 
@@ -168,7 +171,7 @@ def _momentum_cross(f: Array) -> Array:
 
 
 def _apply(A: Array, x: Array) -> Array:
-    """Product of the matrix A_k and the vector x_k for each sample k."""
+    """Products of matrices A_k (N, a, b) and vectors x_k (N, b) for each sample k, shape (N, a)."""
     return (A @ x[..., None])[..., 0]
 
 

@@ -54,9 +54,9 @@ def columns_adjoint(
 def information_adjoint(
     tree: Tree, layout: ColumnLayout, q: Array, dq: Array, ddq: Array, terms: Array, weights: Array, slopes: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Gradients of a function of the information matrix by q, dq and ddq, shape (N, n), and by `terms`, shape (e, N).
+    """Gradients of a scalar function of the information matrix by q, dq and ddq (N, n), and by `terms` (e, N).
 
-    `slopes` is the derivative of the function by the information matrix; it must be symmetric.
+    `slopes` is the derivative of the function with respect to the information matrix; it must be symmetric.
     """
     x = reference_factor.columns(tree, layout, q, dq, ddq, np.zeros_like(q), terms)
     worth = np.zeros_like(x)

@@ -1,4 +1,4 @@
-"""NumPy twin of the kernel's streaming functions: columns, triangular factors, decimation.
+"""NumPy twin of the kernel functions that process samples block by block: columns, factors, decimation.
 
 To be short, this module stores the whole regressor. The compiled kernel never stores it.
 """
@@ -29,7 +29,10 @@ def columns(tree: Tree, layout: ColumnLayout, q: Array, dq: Array, ddq: Array, t
 
 
 def factor_columns(x: Array, bounds: NDArray[np.int64]) -> Array:
-    """Triangular factor of each block of rows of K columns `x`, shape (blocks, K, K)."""
+    """Upper triangular factors of K columns `x` (K, rows), one for each block of rows, shape (blocks, K, K).
+
+    Block k contains rows `bounds[k]` to `bounds[k + 1] - 1`.
+    """
     K = len(x)
     out = np.zeros((len(bounds) - 1, K, K))
     for R, a, b in zip(out, bounds[:-1], bounds[1:], strict=True):
@@ -49,7 +52,10 @@ def factor(
     bounds: NDArray[np.int64],
     mask: NDArray[np.bool_] | None,
 ) -> Array:
-    """Factors of all joints, concatenated into one row for each block, shape (blocks, sum of widths squared)."""
+    """Triangular factors of all joints, one row for each block, shape (blocks, sum of the widths squared).
+
+    A row contains the factors (width, width) of all joints one after another.
+    """
     x = columns(tree, layout, q, dq, ddq, torque, terms)
     factors: list[Array] = []
     for j, (a, b) in enumerate(zip(layout.offset[:-1], layout.offset[1:], strict=True)):

@@ -1,4 +1,4 @@
-"""NumPy twin of the kernel's play operators along a contiguous run."""
+"""NumPy twin of the kernel's play operators (hysteresis elements), evaluated along a contiguous run."""
 
 from __future__ import annotations
 

@@ -22,7 +22,10 @@ def reweighted_least_squares(
     floor: float,
     ridge: float,
 ) -> tuple[Array, Array]:
-    """Parameters (count,) and RMS residual of each joint (n,); see `armid.kernel.reweighted_least_squares`."""
+    """Parameters (count,) and RMS residual of each joint (n,) by iteratively reweighted least squares.
+
+    The arguments are those of `armid.kernel.reweighted_solver.reweighted_least_squares`.
+    """
     n = len(products)
     # Products of all parameters and the torque, zero for parameters that a joint's torque does not depend on.
     whole = np.zeros((n, count + 1, count + 1))

@@ -1,4 +1,4 @@
-"""Kernel function for fits in which each joint is weighted by its residual [Holland1977]."""
+"""Kernel function for least-squares fits in which each joint is weighted by its residual [Holland1977]."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def reweighted_least_squares(
     ridge: float,
     chosen: str | None = None,
 ) -> tuple[Array, Array]:
-    """Iteratively reweighted least squares of all joints with common parameters, from products of columns.
+    """Iteratively reweighted least squares for all joints with common parameters, from products of columns.
 
     In each iteration (pass), the weight of a joint is one divided by the square of its RMS residual in the iteration
     before; in the first iteration, one divided by the square of the RMS of its torque. The normal equations of
@@ -36,7 +36,7 @@ def reweighted_least_squares(
     number of these columns.
 
     Args:
-        products: For each joint, products of its k columns and its torque, which is last, shape (k + 1, k + 1).
+        products: For each joint, the matrix of products of its k columns and, last, its torque, shape (k + 1, k + 1).
         parameters: For each joint, the indices of the parameters of its columns, in ascending order, shape (k,).
         count: Number b of parameters.
         rows: Number of rows of each joint, shape (n,).
@@ -79,14 +79,14 @@ def reweighted_least_squares(
 
 @lru_cache(maxsize=32)
 def _flat(parameters: tuple[bytes, ...], count: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Number of columns before those of each joint, shape (n + 1,), and the parameters of all columns.
+    """Index of the first column of each joint, and the number of columns, shape (n + 1,); parameters of all columns.
 
     Args:
         parameters: Parameters of the columns of each joint, as bytes of 32-bit integers.
         count: Number of parameters.
 
     Raises:
-        ArmidError: The parameters of a joint are not in ascending order, or do not exist.
+        ArmidError: The parameters of a joint are not in ascending order, or are not between 0 and `count` - 1.
     """
     each = [np.frombuffer(own, dtype=np.int32) for own in parameters]
     if any((np.diff(own) <= 0).any() or (len(own) and not 0 <= own[0] <= own[-1] < count) for own in each):

@@ -13,7 +13,7 @@ from armid.errors import RobotError
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Tree:
-    """Constant geometry of a tree of n joints; the parent of a joint has a smaller index than the joint.
+    """Constant geometry of a tree of n joints, ordered so that every parent joint comes before its children.
 
     Frame i is fixed to link i. At q_i = 0, the pose of frame i in frame parent_i is (rotation_i, translation_i). A
     revolute joint rotates frame i about `axis_i`; a prismatic joint translates it along `axis_i`.
@@ -65,7 +65,7 @@ class Tree:
         return len(self.parent)
 
     def ancestors(self, i: int) -> list[int]:
-        """Indices of the joints from the base to joint i, including i."""
+        """Indices of all joints from the base to joint i, including i."""
         chain: list[int] = []
         while i >= 0:
             chain.append(i)
@@ -73,7 +73,7 @@ class Tree:
         return chain[::-1]
 
     def subtree(self, i: int) -> list[int]:
-        """Indices of the joints that joint i carries, including i, ascending."""
+        """Indices of all joints that joint i carries, including i, in ascending order."""
         carried = [False] * self.n
         for k in range(i, self.n):
             carried[k] = k == i or (self.parent[k] >= 0 and carried[self.parent[k]])

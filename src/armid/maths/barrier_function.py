@@ -19,12 +19,12 @@ from armid.checked_array import Array
 from armid.maths.conic_solver import Cone, symmetric
 
 LOST = 1e-3
-"""Largest relative difference between two computations of the Newton decrement for which the normal equations are
-used."""
+"""Largest relative difference between two computations of the Newton decrement for which the solution of the normal
+equations is accepted; above it, QR is used."""
 
 WHOLE = 0.01
-"""Largest relative change of an eigenvalue along a step for which the whole step is taken. The whole step is then
-within a hundredth of the best step, and rounding would make a line search meaningless."""
+"""Largest relative change of an eigenvalue along a Newton step for which the whole step is taken without line search.
+The whole step is then within a hundredth of the best step, and rounding would make a line search meaningless."""
 
 LINE = 40
 """Largest number of function evaluations in one line search; three or four are usual."""
@@ -38,7 +38,7 @@ class LogDet:
         matrix: Coefficients of the variables in X, shape (m, m, variables).
         offset: Constant part of X, shape (m, m).
         cost: Linear cost, shape (variables,).
-        constant: The term `constant` of the formula above.
+        constant: Constant of the term, a number.
         weight: Weight of the term, positive.
     """
 
@@ -80,12 +80,12 @@ class Smooth:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Group:
-    """Group of g matrices of the same order m, each with the few variables that it depends on.
+    """Group of g matrices X of the same order m, each an affine function of only a few of the variables.
 
     Attributes:
-        flat: Derivatives of the entries by each of s variables, shape (g, m², s).
-        columns: Indices of these variables, shape (g, s).
-        offsets: Constant parts, shape (g, m, m).
+        flat: Derivatives of the m² entries of each matrix with respect to its s variables, shape (g, m², s).
+        columns: Indices of the s variables of each matrix, shape (g, s).
+        offsets: Constant parts of the matrices, shape (g, m, m).
         weights: Weights of the log-determinants, zero for cones, shape (g,).
         variables: Number of all variables.
     """
@@ -98,7 +98,7 @@ class _Group:
 
     @classmethod
     def of(cls, found: Sequence[tuple[Array, Array, float]], variables: int) -> _Group:
-        """Group of matrices (m, m, variables) with offsets (m, m) and weights."""
+        """Creates the group from matrices of coefficients (m, m, variables) with offsets (m, m) and weights."""
         flat = np.stack([matrix.reshape(-1, variables) for matrix, _, _ in found])
         moves = flat.any(axis=1)
         most = int(moves.sum(axis=1).max())
@@ -107,15 +107,19 @@ class _Group:
         return cls(np.take_along_axis(flat, columns[:, None], 2), columns, offsets, weights, variables)
 
     def matrices(self, x: Array) -> Array:
-        """Symmetric matrices of the group (g, m, m) for the variables x."""
+        """Values of the symmetric matrices of the group, shape (g, m, m), for the variables x."""
         return self.along(self.flat, x).reshape(self.offsets.shape) + self.offsets
 
     def along(self, entries: Array, d: Array) -> Array:
-        """Change (g, m²) of entries (g, m², s) along a direction of the variables."""
+        """Change of the matrix entries, shape (g, m²), along a direction d of the variables.
+
+        `entries` are the derivatives of the matrix entries with respect to the variables of each matrix, shape (g,
+        m², s).
+        """
         return (entries @ d[self.columns][:, :, None])[:, :, 0]
 
     def whitened(self, x: Array) -> Array:
-        """Derivatives of the entries (g, m², s) in coordinates in which the matrices at x are the identity."""
+        """Derivatives of the matrix entries (g, m², s) in coordinates in which the matrices at x are identities."""
         half = np.linalg.inv(np.linalg.cholesky(self.matrices(x)))
         both = half[:, :, None, :, None] * half[:, None, :, None, :]
         return both.reshape(len(half), *2 * self.flat.shape[1:2]) @ self.flat
@@ -133,11 +137,11 @@ class _Group:
 
     @staticmethod
     def _summed(places: NDArray[np.intp], parts: Array, size: int) -> Array:
-        """Adds each of the numbers `parts` to the entry of the result that `places` gives, shape (size,)."""
+        """Sums the numbers `parts` in the entries of the result that `places` gives for them, shape (size,)."""
         return np.bincount(places.ravel(), parts.ravel(), size).astype(np.float64)
 
     def root(self, white: Array, weights: Array) -> Array:
-        """Square root of the negative Hessian, shape (g m², variables)."""
+        """Square root of the negative Hessian of the weighted log-determinants, shape (g m², variables)."""
         dense = np.zeros((*white.shape[:2], self.variables))
         np.put_along_axis(dense, self.columns[:, None], np.sqrt(weights)[:, None, None] * white, 2)
         return dense.reshape(-1, self.variables)
@@ -176,7 +180,7 @@ class Barriers:
         self.weights = np.array([term.weight for term in problem.terms])
 
     def objective(self, x: Array) -> float:
-        """Objective at a strictly feasible point, without the barriers of the cones."""
+        """Objective at a point strictly inside all cones, without the barriers of the cones."""
         p = self.problem
         constant = sum(term.weight * term.constant for term in p.terms)
         value = 0.5 * float(np.sum((p.A @ x - p.y) ** 2)) + float(p.cost @ x) + constant
@@ -189,7 +193,7 @@ class Barriers:
         return value
 
     def inside(self, x: Array) -> bool:
-        """Checks whether x lies strictly inside all cones and log-det terms."""
+        """Checks whether x lies strictly inside all cones and log-det terms (positive definite matrices)."""
         if not (np.isfinite(x).all() and (self.rows @ x + self.offsets > 0.0).all()):
             return False
         try:
@@ -203,7 +207,7 @@ class Barriers:
         """Newton step after a line search, and the squared Newton decrement of the full step.
 
         Args:
-            x: Strictly feasible point.
+            x: Point strictly inside all cones, shape (variables,).
             mu: Weight μ of the barriers.
             centred: Weight of the barriers in the Hessian: `mu`, or the larger weight for which x is the minimum.
                 With this larger weight, the step follows the central path, on which the distance from the boundary
@@ -248,13 +252,13 @@ class Barriers:
 
 
 def _newton(hessian: Array, gradient: Array, curvature: Callable[[Array], float], root: Callable[[], Array]) -> Array:
-    """Solves hessian · d = -gradient, by QR of the square root if the normal equations are inaccurate.
+    """Solves hessian · d = -gradient; if the normal equations are inaccurate, by QR of the square root.
 
     Args:
         hessian: Product rootᵀ root, shape (variables, variables).
-        gradient: Right-hand side, shape (variables,).
-        curvature: Function |root · d|² of a direction d.
-        root: Function that computes the square root, shape (rows, variables).
+        gradient: Gradient of the objective, shape (variables,).
+        curvature: Function that returns |root · d|² for a direction d.
+        root: Function that returns the square root of the Hessian, shape (rows, variables).
     """
     size = 1.0 / np.sqrt(np.maximum(np.diag(hessian), np.finfo(np.float64).tiny))
     side = -size * gradient
@@ -274,10 +278,11 @@ def _newton(hessian: Array, gradient: Array, curvature: Callable[[Array], float]
 
 
 def _lowest(square: float, slope: float, rate: Array, scale: Array) -> float:
-    """Minimises the convex ½ square α² + slope α - Σ scale log(1 + rate α), α > 0, by Newton's method in a bracket.
+    """Step length α > 0 that minimises the convex function ½ square α² + slope α - Σ scale log(1 + rate α).
 
-    A step of a fixed share of the distance to the boundary, without line search, could make eigenvalues very small
-    although they are large at the minimum. These eigenvalues would then grow only by a factor of two in each step.
+    It is found by Newton's method within a bracket. A step of a fixed share of the distance to the boundary, without
+    line search, could make eigenvalues very small although they are large at the minimum. These eigenvalues would
+    then grow only by a factor of two in each step.
     """
     if np.abs(rate).max(initial=0.0) <= WHOLE:
         return 1.0

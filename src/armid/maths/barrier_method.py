@@ -21,37 +21,37 @@ from armid.maths.barrier_function import Barriers, Smooth
 from armid.maths.conic_solver import ACCEPTED
 
 SHRINK = (0.01, 0.1)
-"""Ratios of one weight of the barriers to the previous one. The search with the first ratio takes a fifth less time.
-If it fails, mostly for data that no physical body explains, the search is repeated with the second ratio."""
+"""Ratios of successive weights of the barriers. The search with the first ratio takes a fifth less time. If it fails,
+mostly for data that no physical body explains, the search is repeated with the second ratio."""
 
 GAP = 1e-9
-"""Target of the duality gap, divided by the objective or by 1, whichever is larger: a thousandth of the accepted
-gap."""
+"""Duality gap at which the search ends, divided by the objective or by 1, whichever is larger. It is a thousandth of
+the accepted gap."""
 
 STEPS = 200
 """Largest number of Newton steps for one weight of the barriers; two to ten are usual."""
 
 LONGEST = 250
-"""Total number of Newton steps after which no further weight is tried; 20 to 100 are usual. If more steps are needed,
-the residual is so large, or the minimum so flat, that rounding errors dominate."""
+"""Total number of Newton steps after which the weight of the barriers is no longer decreased; 20 to 100 are usual. If
+more steps are needed, the residual is so large, or the minimum so flat, that rounding errors dominate."""
 
 ROUNDED = 1e-16
-"""Ratio of a step to the largest unknown below which the step is rounding."""
+"""Ratio of a step to the largest unknown below which the step is only a rounding error."""
 
 CENTRED = 0.02
-"""Largest squared Newton decrement, divided by the weight of the barriers, for which μ may be decreased: one more
+"""Largest squared Newton decrement, divided by the weight μ of the barriers, for which μ may be decreased. One more
 step makes this ratio less than 0.001 [Nesterov1994]."""
 
 PROVED = 1e-3
-"""Largest squared Newton decrement, divided by the weight of the barriers, at the end of the search with the last
-μ."""
+"""Largest squared Newton decrement, divided by the weight of the barriers, with which the search at the last weight
+ends."""
 
 SMALL = 0.5
-"""Largest squared Newton decrement, divided by the weight of the barriers, for which the decrement is a bound of the
-distance from the minimum."""
+"""Largest squared Newton decrement, divided by the weight of the barriers, for which the decrement is an upper bound
+of the difference between the objective and its minimum."""
 
 REMEDY = "look for a wrong sign or unit of torque or gravity, since no body explains such data, or use another prior."
-"""Remedy of the errors of a failed search."""
+"""Remedy in the messages of errors about a failed search."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -80,10 +80,10 @@ def minimise(
     Args:
         problem: Objective and cones; a minimum must exist.
         start: Point strictly inside every cone and log-det term, shape (variables,).
-        aim: Gap at which the search ends.
-        near: True if the start is near the minimum. The search then begins with μ equal to the smallest weight of a
-            log-det term.
-        longest: Number of Newton steps after which no smaller μ is tried. If this is less than the default, the
+        aim: Relative duality gap at which the search ends, as defined for `GAP`.
+        near: True if the start is near the minimum. The search then begins with a barrier weight μ equal to the
+            smallest weight of a log-det term.
+        longest: Number of Newton steps after which μ is no longer decreased. If this is less than the default, the
             search begins with μ nearer to the weights of the log-det terms, and is not repeated if it fails.
 
     Raises:
@@ -113,7 +113,7 @@ def minimise(
 
 
 def _follow(barriers: Barriers, x: Array, mu: float, aim: float, shrink: float, longest: int) -> SmoothSolution:
-    """Decreases the weight of the barriers step by step, from `mu`, until the target gap is reached."""
+    """Decreases the weight of the barriers from `mu` by the factor `shrink`, until the target gap is reached."""
     taken, before = 0, mu
     while True:
         absolute = aim * max(1.0, abs(_finite(barriers, x)))
@@ -144,7 +144,7 @@ def _follow(barriers: Barriers, x: Array, mu: float, aim: float, shrink: float, 
 
 
 def _finite(barriers: Barriers, x: Array) -> float:
-    """Objective at x; raises an error if it is not finite, because the search has diverged."""
+    """Returns the objective at x; raises an error if it is not finite, because the search has then diverged."""
     with np.errstate(over="ignore", invalid="ignore"):
         objective = barriers.objective(x)
     if not np.isfinite(objective):
@@ -158,7 +158,7 @@ def _finite(barriers: Barriers, x: Array) -> float:
 def _centre(
     barriers: Barriers, x: Array, weights: tuple[float, float], enough: float, most: int
 ) -> tuple[Array, float, int]:
-    """Minimises the objective with one weight of the barriers, by Newton's method.
+    """Minimises the objective for a fixed weight of the barriers, by Newton's method.
 
     The tuple `weights` contains the weight of the barriers for which x is a minimum, and the new weight μ. The
     iteration ends if the squared Newton decrement is at most `enough`, or after `most` steps.

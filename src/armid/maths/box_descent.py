@@ -1,8 +1,8 @@
 """Search for local minima of a smooth function within a box, from many start points at once.
 
-The method is a projected quasi-Newton method [Bertsekas1982]. A variable at a bound does not move if a descent would
-leave the box. The other variables take a step with an approximate second derivative, and the step is projected on the
-box. All start points are evaluated together, which takes little more time than one.
+The method is a projected quasi-Newton method [Bertsekas1982]. A variable at a bound is not moved if a descent step
+would take it out of the box. For the other variables, a step with an approximate second derivative is computed and
+projected on the box. All start points are evaluated together, which takes little more time than one.
 """
 
 from __future__ import annotations
@@ -18,28 +18,29 @@ STEPS = 200
 """Largest number of steps; smooth functions of about ten variables need 10 to 60."""
 
 FLAT = 1e-10
-"""Largest entry of the projected gradient at which a point counts as a minimum."""
+"""Largest absolute entry of the projected gradient at which a point counts as a minimum."""
 
 NEAR = 1e-8
-"""Largest entry of the projected gradient at which a point counts as a minimum if the value no longer decreases;
-gradients from finite differences are not more accurate."""
+"""Largest absolute entry of the projected gradient at which a point counts as a minimum if the value of the function
+no longer decreases. Gradients from finite differences are not more accurate."""
 
 SETTLED = 1e-14
-"""Relative decrease of the value in one step below which a search has converged."""
+"""Decrease of the function value in one step, divided by the value or by 1, whichever is larger, up to which a search
+has converged."""
 
 ARMIJO = 1e-4
-"""Smallest ratio of the decrease of the value to the decrease that the gradient predicts for which a step is
-accepted."""
+"""Smallest accepted ratio of the decrease of the function value to the decrease that the gradient predicts for a
+step."""
 
 HALVINGS = 40
-"""Largest number of times that a step is halved."""
+"""Largest number of step lengths that a line search tries, each half as long as the one before."""
 
 CURVED = 1e-12
-"""Smallest product of step and change of gradient, divided by the product of their lengths, for which the second
-derivative is updated."""
+"""Smallest scalar product of the step and the change of the gradient, divided by the product of their lengths, for
+which the approximate second derivative is updated."""
 
 Function = Callable[[Array], tuple[Array, Array]]
-"""Function that returns values (K,) and gradients (K, n) at points (K, n)."""
+"""Function that returns its values (K,) and gradients (K, n) at K points (K, n)."""
 
 
 def descend_in_box(function: Function, start: Array, low: Array, high: Array) -> tuple[Array, Array]:
@@ -87,7 +88,7 @@ def descend_in_box(function: Function, start: Array, low: Array, high: Array) ->
 
 
 def _step(x: Array, gradient: Array, curvature: Array, low: Array, high: Array) -> Array:
-    """Quasi-Newton steps, shape (K, n); zero for variables that are held at a bound."""
+    """Quasi-Newton steps, shape (K, n); a variable at a bound gets no step if the step would leave the box."""
     held = ((x <= low) & (gradient > 0.0)) | ((x >= high) & (gradient < 0.0))
     free = ~held
     matrix = curvature * (free[:, :, None] & free[:, None, :])
@@ -98,10 +99,10 @@ def _step(x: Array, gradient: Array, curvature: Array, low: Array, high: Array) 
 def _searched(
     function: Function, x: Array, value: Array, gradient: Array, step: Array, low: Array, high: Array
 ) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-    """Line search: halves each projected step until the value decreases enough.
+    """Line search: halves each projected step until the function value decreases enough.
 
-    Returns the points (K, n), their values (K,) and gradients (K, n), and a mask (K,) that is true if such a point
-    was found.
+    Returns the points (K, n), their values (K,) and gradients (K, n), and a mask (K,) of the searches that found such
+    a point; the other points are the given ones.
     """
     found = np.zeros(len(x), dtype=bool)
     best, best_value, best_gradient = x.copy(), value.copy(), gradient.copy()
@@ -122,7 +123,11 @@ def _searched(
 
 
 def _updated(curvature: Array, s: Array, y: Array, plain: NDArray[np.bool_]) -> Array:
-    """Updates the second derivatives (K, n, n) by the BFGS formula, for steps s and changes y of the gradient."""
+    """Updates the approximate second derivatives (K, n, n) by the BFGS formula.
+
+    `s` are the steps (K, n), `y` the changes of the gradient (K, n). `plain` is the mask of the searches without an
+    earlier update (K,).
+    """
     along = np.einsum("kn,kn->k", s, y)
     size = np.linalg.norm(s, axis=1) * np.linalg.norm(y, axis=1)
     known = along > CURVED * np.maximum(size, np.finfo(float).tiny)

@@ -1,4 +1,4 @@
-"""Small conic programs: they are solved by Clarabel, and the solution is checked.
+"""Small conic programs, which are solved by Clarabel; the solutions are then checked.
 
     minimise cᵀx + ½ Σ_k s_k x_k²    so that for every cone K    A x + b ∈ K
 
@@ -23,7 +23,8 @@ from armid.checked_array import Array
 from armid.errors import UnsolvedError
 
 SOLVER_TOLERANCE = 1e-9
-"""Gap and infeasibility that are required of the solver: a tenth of those that a certificate states."""
+"""Relative gap and infeasibility that are requested from the solver: a tenth of the values that a certificate
+states."""
 
 ACCEPTED = 1e-6
 """Largest gap and violation of an accepted solution, relative to the size of the objective and of the rows of the
@@ -37,16 +38,17 @@ SETTINGS: tuple[dict[str, Any], ...] = (
     {"direct_solve_method": "faer"},
     {"max_step_fraction": 0.9},
 )
-"""Settings of the solver, tried in this order until a solution passes the check. If a minimum is only approached as
-unknowns grow (a mass that nothing bounds), rounding decides with which of them the solver reaches its accuracy."""
+"""Settings of the solver, tried in this order until a solution passes the check. If the minimum is only approached as
+unknowns grow without bound (for instance a mass without an upper bound), it depends on rounding errors with which
+settings the solver reaches its accuracy."""
 
 LARGEST = 1e100
-"""Absolute value from which a variable is invalid: its square must be finite."""
+"""Absolute value above which a variable counts as invalid, because its square must be finite."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Cone:
-    """Condition that the rows A x + b are in a cone.
+    """Condition that the vector A x + b lies in a cone.
 
     Attributes:
         kind: `nonnegative`: no row is negative. `norm`: the first row is at least the Euclidean norm of the others.
@@ -68,9 +70,10 @@ class Cone:
         return self.outside(self.matrix @ x + self.offset)
 
     def outside(self, rows: Array) -> float:
-        """Violation of the cone by given rows, divided by their largest absolute value or by 1, whichever is larger.
+        """Violation of the cone by given rows (rows,), zero or negative if they are in the cone.
 
-        The rows may also be multipliers, because each cone is its own dual.
+        It is divided by the largest absolute value of the rows or by 1, whichever is larger. The rows may also be
+        multipliers, because each cone is its own dual.
         """
         size = max(1.0, float(np.abs(rows).max()))
         if self.kind == "nonnegative":
@@ -82,7 +85,7 @@ class Cone:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SparseColumns:
-    """Matrix in compressed sparse column format, with those attributes of a SciPy matrix that the solver reads.
+    """Matrix in compressed sparse column format, with the attributes of a SciPy matrix that the solver reads.
 
     The sparse matrices of SciPy are not used, because their import takes longer than the solution of most programs.
 
@@ -91,7 +94,7 @@ class SparseColumns:
         data: Nonzero entries, column by column, shape (entries,).
         indices: Row of each entry, increasing within each column, shape (entries,).
         indptr: Index of the first entry of each column, and the number of entries, shape (columns + 1,).
-        has_sorted_indices: True if rows increase in each column.
+        has_sorted_indices: True if the row indices increase within each column.
         has_canonical_format: True if there is at most one entry for each row and column.
     """
 
@@ -109,7 +112,7 @@ class SparseColumns:
 
     @classmethod
     def of(cls, matrix: Array) -> SparseColumns:
-        """Compresses a dense matrix (rows, columns)."""
+        """Converts a dense matrix (rows, columns)."""
         column, row = np.nonzero(matrix.T)
         ends = np.concatenate([[0], np.bincount(column, minlength=matrix.shape[1]).cumsum()])
         data = np.ascontiguousarray(matrix[row, column])
@@ -121,11 +124,12 @@ class ConeSolution:
     """Checked solution of a conic program.
 
     Attributes:
-        x: The variables.
+        x: The variables, shape (variables,).
         objective: Objective at x.
-        gap: Difference between the objective and the dual bound, divided by the size of the objective.
+        gap: Difference between the objective and the dual bound, divided by the objective or by 1, whichever is
+            larger.
         slope: Dual residual, shape (variables,). A change d of the variables may lower the minimum by slope · d.
-        violation: Largest violation of a cone by variables or multipliers, divided by the size of the rows.
+        violation: Largest violation of a cone by variables or multipliers, as returned by `Cone.outside`.
     """
 
     x: Array
@@ -182,7 +186,7 @@ def solve_cones(cost: Array, cones: Sequence[Cone], squares: Array | None = None
 
 
 def _solved(cost: Array, cones: Sequence[Cone], squares: Array, changed: dict[str, Any]) -> tuple[Any, ConeSolution]:
-    """Status and solution, not checked yet, of the solver with some settings changed from their usual values."""
+    """Runs the solver with some changed settings; returns its status and the solution, which is not yet checked."""
     clarabel: Any = import_module("clarabel")
     settings = clarabel.DefaultSettings()
     settings.verbose = False
@@ -206,7 +210,7 @@ def _solved(cost: Array, cones: Sequence[Cone], squares: Array, changed: dict[st
 
 
 def _worst(cones: Sequence[Cone], x: Array, z: Array) -> float:
-    """Largest violation of the cones by the variables x or by the multipliers z, as they come from the solver."""
+    """Largest relative violation of the cones by the variables x or the multipliers z that the solver returns."""
     worst, done = -math.inf, 0
     for cone in cones:
         own = z[done : done + len(cone.offset)]
@@ -217,7 +221,10 @@ def _worst(cones: Sequence[Cone], x: Array, z: Array) -> float:
 
 
 def _for_solver(cone: Cone, clarabel: Any) -> tuple[Array, Array, Any]:
-    """Matrix A and offset b with A x + s = b, and the cone of the solver, which scales off-diagonal entries by √2."""
+    """Converts a cone for the solver: A and b of A x + s = b, and the solver's object for the cone of s.
+
+    The solver expects the off-diagonal entries of a semidefinite cone multiplied by √2.
+    """
     if cone.kind == "nonnegative":
         return -cone.matrix, cone.offset, clarabel.NonnegativeConeT(len(cone.offset))
     if cone.kind == "norm":
@@ -228,7 +235,7 @@ def _for_solver(cone: Cone, clarabel: Any) -> tuple[Array, Array, Any]:
 
 
 def _scale(cone: Cone) -> Array:
-    """Factors of the entries of an upper triangle in the solver: 1 on the diagonal, √2 elsewhere.
+    """Factors by which the solver multiplies the entries of an upper triangle: 1 on the diagonal, √2 elsewhere.
 
     With these factors, the inner product of two triangles is that of the symmetric matrices.
     """

@@ -18,37 +18,37 @@ NORMAL = 1.959963984540054
 """Quantile 0.975 of the normal distribution, for two-sided 95 % intervals."""
 
 NODES = 32
-"""Number of nodes of the quadrature of the density. With this number, its error is below rounding for one degree of
-freedom and more."""
+"""Number of nodes of the quadrature that integrates the density of Student's t distribution. With this number, the
+error is below rounding for one degree of freedom and more."""
 
 SHIFT = 20
-"""Integer that is added to the argument of a ratio of gamma functions, so that five terms of its series are
-enough."""
+"""Integer that is added to the argument of a ratio of gamma functions, so that five terms of the asymptotic series
+are enough."""
 
 MANY = 1e30
 """Finite number of degrees of freedom that replaces infinity in the computation."""
 
 STEPS = 20
-"""Largest number of Newton steps; ten are enough."""
+"""Largest number of Newton steps for a quantile; ten are enough."""
 
 POINTS = 24
-"""Number of Chebyshev points of the interpolation for many degrees of freedom. With this number, its error is below
-1e-13 of the quantile for one degree of freedom and more."""
+"""Number of Chebyshev points by which quantiles for many different degrees of freedom are interpolated. With this
+number, the error is below 1e-13 of the quantile for one degree of freedom and more."""
 
 MIXTURE_NODES = 40
-"""Number of nodes of the quadrature over a lognormal scale. For deviations of the logarithm up to 0.7, the quantile
-then has an error below 1e-6."""
+"""Number of nodes of the quadrature over a lognormal standard deviation. If the standard deviation of its logarithm
+is at most 0.7, the quantile has an error below 1e-6."""
 
 BISECTIONS = 50
-"""Number of bisections for a quantile; each halves its error."""
+"""Number of bisections for a quantile; each one halves the error of the quantile."""
 
 
 def student_quantile(freedom: ArrayLike) -> Array:
     """Quantile 0.975 of Student's t distribution, the factor of two-sided 95 % intervals.
 
     With t = √ν tan θ, the distribution function is the integral of cos^(ν-1) θ, which is computed by quadrature to
-    rounding accuracy. This function is concave, so Newton's method converges from below without overshooting. For
-    many different ν, the logarithm of the quantile is interpolated by a polynomial in 1/ν.
+    rounding accuracy. The distribution function is concave, so Newton's method converges from below without
+    overshooting. For many different ν, the logarithm of the quantile is interpolated by a polynomial in 1/ν.
 
     Args:
         freedom: Degrees of freedom ν, any shape; they may be infinite.
@@ -66,7 +66,7 @@ def student_quantile(freedom: ArrayLike) -> Array:
 
 
 def _interpolated(v: Array) -> Array:
-    """Quantiles of increasing degrees of freedom v (N,), interpolated between Chebyshev points in 1/v."""
+    """Quantiles 0.975 for increasing degrees of freedom v (N,), interpolated between Chebyshev points in 1/v."""
     x = 1.0 / v
     middle, half = 0.5 * (x[0] + x[-1]), 0.5 * (x[0] - x[-1])
     at = np.cos(np.pi * (np.arange(POINTS) + 0.5) / POINTS)
@@ -75,7 +75,7 @@ def _interpolated(v: Array) -> Array:
 
 
 def _quantiles(v: Array) -> Array:
-    """Quantiles of degrees of freedom v (N,), by Newton's method."""
+    """Quantiles 0.975 for degrees of freedom v, shape (N,), by Newton's method."""
     scale = _gamma_ratio(v / 2.0) / math.sqrt(math.pi)
     node, weight = _quadrature()
     angle = np.arctan(NORMAL / np.sqrt(v))
@@ -90,13 +90,13 @@ def _quantiles(v: Array) -> Array:
 
 
 def scale_mixture_quantile(deviation: float) -> float:
-    """Quantile 0.975 of a normal variable whose standard deviation is lognormal with median 1.
+    """Quantile 0.975 of a variable that is normal with a random standard deviation, which is lognormal with median 1.
 
     The probability is an integral over the logarithm of the standard deviation, computed by Gauss-Hermite quadrature,
     and the quantile is found by bisection.
 
     Args:
-        deviation: Standard deviation of the natural logarithm of the standard deviation, up to about one.
+        deviation: Standard deviation of the natural logarithm of the random standard deviation, up to about one.
     """
     node, weight = np.polynomial.hermite_e.hermegauss(MIXTURE_NODES)
     weight = weight / weight.sum()
@@ -113,7 +113,7 @@ def scale_mixture_quantile(deviation: float) -> float:
 
 
 def chi_squared_survival(freedom: int, x: float) -> float:
-    """Probability that a chi-squared variable exceeds x, by the finite sum for integer degrees of freedom.
+    """Probability that a chi-squared variable exceeds x, computed by the finite sum for integer degrees of freedom.
 
     Args:
         freedom: Degrees of freedom, an integer of at least one.
@@ -129,7 +129,7 @@ def chi_squared_survival(freedom: int, x: float) -> float:
 
 
 def _gamma_ratio(a: Array) -> Array:
-    """Ratio Γ(a + 1/2) / Γ(a) for a > 0, computed without the difference of two large logarithms."""
+    """Ratios Γ(a + 1/2) / Γ(a) for a > 0, computed without subtracting two large logarithms."""
     ratio, x = np.ones_like(a), a + SHIFT
     for k in range(SHIFT):
         ratio *= (a + k) / (a + k + 0.5)

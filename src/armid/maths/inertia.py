@@ -13,11 +13,11 @@ from armid.checked_array import Array
 from armid.maths.rotations import skew
 
 INERTIA_INDEX = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
-"""Row and column in the inertia matrix of each of its six entries, in parameter order."""
+"""Row and column, in the inertia matrix, of each of its six independent entries in parameter order."""
 
 
 def _of_units() -> Array:
-    """Pseudo-inertias (10, 4, 4) of the ten unit vectors of inertial parameters."""
+    """Pseudo-inertias (10, 4, 4) of the ten unit vectors in the space of the inertial parameters."""
     result = np.zeros((10, 4, 4))
     result[0, 3, 3] = 1.0
     for k in range(3):
@@ -30,11 +30,12 @@ def _of_units() -> Array:
 
 
 PSEUDO_INERTIA_OF: Array = _of_units()
-"""Pseudo-inertias (10, 4, 4) of the ten unit vectors of parameters."""
+"""Pseudo-inertias (10, 4, 4) of the ten unit vectors of parameters. The pseudo-inertia of a body is the sum of these
+matrices, each multiplied by a parameter of the body."""
 
 
 def inertia_matrix(six: Array) -> Array:
-    """Inertia matrices (..., 3, 3) from their entries Ixx, Ixy, Iyy, Ixz, Iyz, Izz, shape (..., 6) [kg·m²]."""
+    """Inertia matrices (..., 3, 3) made from their entries Ixx, Ixy, Iyy, Ixz, Iyz, Izz, shape (..., 6) [kg·m²]."""
     xx, xy, yy, xz, yz, zz = np.moveaxis(np.asarray(six), -1, 0)
     return np.stack([np.stack([xx, xy, xz], -1), np.stack([xy, yy, yz], -1), np.stack([xz, yz, zz], -1)], -2)
 
@@ -45,10 +46,10 @@ def inertia_vector(matrix: Array) -> Array:
 
 
 def spatial_inertia(vector: Array) -> Array:
-    """Spatial inertia (6, 6) about the origin of the frame, angular part first [Featherstone2008].
+    """Spatial inertia (6, 6) of a body about the origin of its frame, angular part first [Featherstone2008].
 
     It is [[I_o, S(h)], [S(h)ᵀ, m·1]] with the inertia I_o about the origin, the first moment h, its cross-product
-    matrix S(h), and the mass m.
+    matrix S(h), and the mass m. The argument contains the ten inertial parameters, shape (10,).
     """
     m, h, inertia = vector[0], vector[1:4], inertia_matrix(vector[4:])
     return np.block([[inertia, skew(h)], [skew(h).T, m * np.eye(3)]])
@@ -99,7 +100,10 @@ def com_inertia_to_vector(mass: float, com: Array, inertia_about_com: Array) -> 
 
 
 def vector_to_com_inertia(vector: Array) -> tuple[float, Array, Array]:
-    """Mass [kg], centre of mass (3,) [m] and inertia (3, 3) about this point [kg·m²]; the mass must not be zero."""
+    """Mass [kg], centre of mass (3,) [m] and inertia (3, 3) about it [kg·m²] of inertial parameters (10,).
+
+    The mass must not be zero.
+    """
     mass = float(vector[0])
     com = vector[1:4] / mass
     S = skew(com)
@@ -107,9 +111,9 @@ def vector_to_com_inertia(vector: Array) -> tuple[float, Array, Array]:
 
 
 def about_com(vector: Array) -> Array:
-    """Mass, centre of mass and inertia about the centre of mass, shape (10,), in parameter order.
+    """Mass, centre of mass and inertia about the centre of mass, in parameter order, from inertial parameters (10,).
 
-    If the mass is zero, all values except the mass are NaN.
+    If the mass is not positive, all values except the mass are NaN.
     """
     mass, h = float(vector[0]), np.asarray(vector[1:4])
     if not mass > 0.0:

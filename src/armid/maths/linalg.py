@@ -9,23 +9,25 @@ import numpy as np
 from armid.checked_array import Array
 
 LEAST = 1e-15
-"""Ratio of an eigenvalue to the largest eigenvalue below which the smaller one is a rounding error, after scaling of
-rows and columns."""
+"""Ratio of an eigenvalue to the largest eigenvalue below which it is a rounding error, after scaling of the matrix to
+unit diagonal."""
 
 FAR_FROM_LEAST = 1e5
-"""Largest entry of the inverse Cholesky factor for which all eigenvalues are certainly above `LEAST`."""
+"""Largest absolute entry of the inverse Cholesky factor of a matrix with unit diagonal for which all its eigenvalues
+are certainly above `LEAST`."""
 
 CLEAR = 1e6
-"""Largest entry of the inverse of a triangular factor, whose columns have unit length, for which the rank is full."""
+"""Largest absolute entry of the inverse of a triangular factor, whose columns have unit length, for which the rank is
+certainly full."""
 
 RANK_TOLERANCE = 1e-10
-"""Ratio of the smallest to the largest singular value, for columns of unit length, below which the rank counts as
-deficient. Rounding errors of the factors are 1e-15. For ratios between 1e-15 and this limit, no digit of the estimate
-would be correct."""
+"""Ratio of the smallest to the largest singular value of a matrix with columns of unit length below which its rank
+counts as deficient. Rounding errors of the factors are 1e-15. For ratios between 1e-15 and this limit, no digit of
+the estimate would be correct."""
 
 
 def unit_columns(A: Array) -> tuple[Array, Array]:
-    """Columns of a matrix scaled to unit length, and their lengths before the scaling, shape (b,).
+    """Matrix with its columns scaled to unit length, and the lengths before the scaling, shape (b,).
 
     A zero column is not changed; its length is given as 1.
     """
@@ -41,12 +43,16 @@ def condition(A: Array) -> float:
 
 
 def scaled_condition(A: Array) -> float:
-    """Condition number after scaling of the columns to unit length; it does not depend on the units."""
+    """Condition number of A with columns scaled to unit length; it does not depend on the units of the columns."""
     return condition(unit_columns(A)[0])
 
 
 def null_directions(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
-    """Orthonormal basis (k, b) of the null space of A, after its columns are scaled to unit length."""
+    """Orthonormal basis, shape (k, b), of the null space of A with its b columns scaled to unit length.
+
+    A direction belongs to the null space if its singular value is at most `tolerance` times the largest one or 1,
+    whichever is larger.
+    """
     scaled, _ = unit_columns(A)
     rows = max(scaled.shape)
     padded = np.zeros((rows, scaled.shape[1]))
@@ -61,8 +67,8 @@ def null_directions(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
 def orthonormal(A: Array) -> tuple[Array, Array, Array] | None:
     """QR factors Q (rows, b), R (b, b), and R⁻¹, of a matrix A; `None` unless its columns are clearly independent.
 
-    The columns of A must have unit length. This is much faster than a singular value decomposition, which is needed
-    only if the result is `None`.
+    The columns of A must have unit length. The QR factorisation is much faster than a singular value decomposition,
+    which the caller needs only if the result is `None`.
     """
     if len(A) < A.shape[1]:
         return None
@@ -81,7 +87,7 @@ def inverse_of(matrix: Array) -> Array:
 
 
 def half_of(matrix: Array) -> Array:
-    """Square root h of the inverse of a positive definite matrix, h hᵀ = matrix⁻¹."""
+    """Square root h of the inverse of a positive definite matrix: h hᵀ = matrix⁻¹."""
     size = 1.0 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(np.float64).tiny))
     scaled = size[:, None] * (0.5 * (matrix + matrix.T)) * size
     with contextlib.suppress(np.linalg.LinAlgError):
@@ -93,7 +99,7 @@ def half_of(matrix: Array) -> Array:
 
 
 def root_of(covariance: Array) -> Array:
-    """Factor r, shape (b, b), of a covariance r rᵀ.
+    """Square root r, shape (b, b), of a covariance matrix: covariance = r rᵀ.
 
     It is computed from the correlation matrix, whose negative eigenvalues are set to zero.
     """

@@ -1,13 +1,14 @@
 """Rate at which a correlated signal exceeds high levels: peaks over a threshold, with declustering [Coles2001].
 
 Exceedances that are less than a gap apart form a cluster, and clusters count as independent. Above a level u, the
-peaks of the clusters follow a generalised Pareto distribution, so that clusters exceed a level z with the rate
+excesses of the cluster peaks follow a generalised Pareto distribution, so clusters exceed a level z with the rate
 
     λ(z) = N/T (1 + ξ (z - u)/σ)^(-1/ξ)
 
-where N clusters above u were seen in the time T. The shape ξ and the scale σ are estimated by probability-weighted
-moments [Hosking1987]. The level is the lowest one above which the peaks fit this distribution: where reversals of
-friction cause peaks of another size than noise does, only the larger ones tell the tail.
+where N is the number of clusters above u in the observed time T. The shape ξ and the scale σ are estimated by
+probability-weighted moments [Hosking1987]. As u, the lowest level is used above which the peaks fit this
+distribution. If, for instance, reversals of friction cause larger peaks than noise does, only the larger peaks
+determine the tail.
 """
 
 from __future__ import annotations
@@ -20,38 +21,41 @@ import numpy as np
 from armid.checked_array import Array
 
 SLOT_SHARE = 0.1
-"""Share of the time slots of one gap whose clusters are used for the tail: a high level has few clusters, a low one
-peaks that do not follow the distribution yet."""
+"""Number of clusters that are used for the tail, divided by the number of time slots of one gap each. Above a high
+level there are only few clusters; above a low level, the peaks do not follow the distribution."""
 
 MOST_CLUSTERS, LEAST_CLUSTERS = 400, 10
-"""Largest number of clusters that are used, and smallest number from which a tail is estimated."""
+"""Largest and smallest number of clusters from which a tail is estimated."""
 
 SHAPE_PRIOR = 40.0
-"""Number of clusters that the prior knowledge ξ = 0 is worth. It holds for squares of Gaussian noise; those of model
-errors have a positive shape. Few peaks determine the shape badly: its standard deviation is about 1/√N."""
+"""Number of clusters to which the prior knowledge ξ = 0 is equivalent. The prior holds for squares of Gaussian noise;
+squares of model errors have a positive shape. Few peaks determine the shape badly: its standard deviation is about
+1/√N."""
 
 MISFIT = 0.17
-"""Cramér-von Mises statistic from which peaks do not fit: 5 % of samples exceed about 0.15 [Choulakian2001]."""
+"""Largest Cramér-von Mises statistic at which peaks fit the distribution; 5 % of samples that follow the distribution
+exceed about 0.15 [Choulakian2001]."""
 
 PIECES = 10
-"""Number of pieces of the observed time, at least, whose numbers of clusters are compared."""
+"""Smallest number of pieces into which the observed time is divided to compare their numbers of clusters."""
 
 SHAPE_LIMITS = (0.0, 0.5)
-"""Smallest and largest shape. A negative shape would be a promise that a level is never exceeded."""
+"""Smallest and largest shape ξ. With a negative shape, the rate above some level would be exactly zero, which data
+cannot prove."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tail:
-    """Rate at which clusters of a signal exceed high levels.
+    """Tail of a signal: distribution from which the rate follows at which clusters exceed high levels.
 
     Attributes:
-        level: Level u, from which the tail is known.
+        level: Level u above which the distribution holds, in the unit of the signal.
         clusters: Number N of clusters above this level.
         seconds: Observed time T [s].
-        scale: Scale σ of the excess of the peaks.
-        shape: Shape ξ.
-        dispersion: Variance of the number of clusters in pieces of the time, divided by its mean, at least 1. It
-            exceeds 1 where clusters are not independent, for instance because parts of the time differ.
+        scale: Scale σ of the excesses of the peaks over u, in the unit of the signal.
+        shape: Shape ξ of the distribution.
+        dispersion: Variance of the numbers of clusters in pieces of the time, divided by their mean, at least 1. It
+            exceeds 1 if clusters are not independent, for instance because parts of the time differ.
     """
 
     level: float
@@ -62,24 +66,28 @@ class Tail:
     dispersion: float = 1.0
 
     def exceeded_with(self, rate: float) -> float:
-        """Level that clusters exceed with a given rate [1/s]; at least the level u."""
+        """Level that clusters exceed at a given rate [1/s], not less than the level u."""
         ratio = max(self.clusters / (self.seconds * rate), 1.0)
         if self.shape < 1e-6:
             return self.level + self.scale * float(np.log(ratio))
         return self.level + self.scale * float(np.expm1(self.shape * np.log(ratio))) / self.shape
 
     def log_deviation(self, rate: float) -> float:
-        """Standard deviation of the logarithm of the true rate at the level for a given rate [1/s].
+        """Standard deviation of the logarithm of the true rate at the level `exceeded_with(rate)`; rate in 1/s.
 
-        The number of clusters, the scale and the shape contribute 1/N, L²/N and L⁴/4N, where L is the logarithm of
-        the ratio of the rate above u to the given rate, and N the number of clusters divided by their dispersion.
+        The number of clusters, the scale and the shape contribute 1/N, L²/N and L⁴/4N to the variance. Here L is the
+        logarithm of the ratio of the rate above u to the given rate, and N the number of clusters divided by their
+        dispersion.
         """
         L = max(float(np.log(self.clusters / (self.seconds * rate))), 0.0)
         return float(np.sqrt((1.0 + L**2 + 0.25 * L**4) * self.dispersion / self.clusters))
 
 
 def cluster_peaks(signal: Array, level: float, gap: int) -> Array:
-    """Peaks of the clusters of a signal (N,) above a level; clusters are at least `gap` samples apart."""
+    """Largest value of each cluster in which a signal (N,) exceeds a level, shape (clusters,).
+
+    A new cluster begins if an exceedance is at least `gap` samples after the one before.
+    """
     above = np.flatnonzero(signal > level)
     if not len(above):
         return np.zeros(0)
@@ -88,11 +96,12 @@ def cluster_peaks(signal: Array, level: float, gap: int) -> Array:
 
 
 def fit_tail(signals: Sequence[tuple[Array, float]], gap: float) -> Tail | None:
-    """Tail of a nonnegative signal that was observed in several parts.
+    """Estimates the tail of a nonnegative signal that was observed in several parts.
 
     Args:
-        signals: For each part, its samples (N,) and their rate [Hz]; NaN where the signal was not observed.
-        gap: Time between two clusters [s].
+        signals: For each part, its samples (N,) and their rate [Hz]; samples are NaN where the signal was not
+            observed.
+        gap: Smallest time between two clusters [s].
 
     Returns:
         The tail; `None` if there are too few clusters.
@@ -122,7 +131,7 @@ def fit_tail(signals: Sequence[tuple[Array, float]], gap: float) -> Tail | None:
 def _tail(
     level: float, excess: Array, over: Sequence[Array], pieces: Sequence[tuple[Array, float]], seconds: float
 ) -> Tail:
-    """Tail from the sorted excesses (N,) over a level, and the peaks of each piece."""
+    """Tail estimated from the sorted excesses (N,) over a level and from the cluster peaks in each piece."""
     n = len(excess)
     shape = _shape(excess) * n / (n + SHAPE_PRIOR)
     shape = float(np.clip(shape, *SHAPE_LIMITS))
@@ -134,7 +143,7 @@ def _tail(
 
 
 def _misfit(excess: Array, tail: Tail) -> float:
-    """Cramér-von Mises statistic of sorted excesses (N,) and a tail."""
+    """Cramér-von Mises statistic of the difference between sorted excesses (N,) and the distribution of a tail."""
     n, x = len(excess), excess / tail.scale
     survival = np.exp(-x) if tail.shape < 1e-6 else (1.0 + tail.shape * x) ** (-1.0 / tail.shape)
     steps = (2.0 * np.arange(1, n + 1) - 1.0) / (2.0 * n)
@@ -142,7 +151,7 @@ def _misfit(excess: Array, tail: Tail) -> float:
 
 
 def _slot_peaks(signal: Array, width: int) -> Array:
-    """Largest value of each slot of `width` samples, without slots that were not observed."""
+    """Largest value in each slot of `width` successive samples; slots without observed samples are left out."""
     width = max(1, width)
     whole = len(signal) // width * width
     peaks = signal[:whole].reshape(-1, width).max(axis=1) if whole else np.zeros(0)
@@ -150,7 +159,7 @@ def _slot_peaks(signal: Array, width: int) -> Array:
 
 
 def _shape(excess: Array) -> float:
-    """Shape of a generalised Pareto distribution by probability-weighted moments of sorted values (N,)."""
+    """Shape ξ of a generalised Pareto distribution from sorted excesses (N,), by probability-weighted moments."""
     n = len(excess)
     mean = float(excess.mean())
     weighted = float(np.mean(excess * (n - np.arange(1, n + 1)) / (n - 1)))

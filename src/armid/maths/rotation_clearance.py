@@ -1,9 +1,9 @@
 """Proof that two bodies keep a distance from each other at all angles of a rotation about one axis.
 
 A point that turns about the axis keeps its distance r from the axis (radius) and its coordinate z along the axis
-(height). The profile of a body is the set of all (r, z) of its surface; the distance of two profiles in this plane is
-a lower bound of the distance of the bodies at all angles. Each triangle is enclosed by a rectangle in this plane; for
-the faces of a flange, this is exact.
+(height). The profile of a body is the set of all (r, z) of its surface. The distance between the profiles of two
+bodies is a lower bound of the distance between the bodies at all angles. Each triangle is enclosed by a rectangle in
+the plane of r and z; for the faces of a flange, this is exact.
 """
 
 from __future__ import annotations
@@ -16,12 +16,15 @@ import numpy as np
 from armid.checked_array import Array
 
 CHUNK = 256
-"""Number of triangles that are compared at a time with those of the other body at about the same height."""
+"""Number of triangles of one body that are compared at a time with the triangles of the other body at about the same
+height."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SweptProfile:
-    """Rectangles that enclose the triangles of a body in the plane of radius and height.
+    """Profile of a body that turns about an axis: rectangles that enclose its triangles.
+
+    The rectangles lie in the plane of radius and height.
 
     Attributes:
         radius: Smallest and largest distance of each triangle from the axis, shape (t, 2) [m].
@@ -32,7 +35,7 @@ class SweptProfile:
     height: Array
 
     def closer_than(self, other: SweptProfile, distance: float) -> bool:
-        """Tests whether the rectangles of two profiles come closer than a distance [m]."""
+        """Checks whether rectangles of this and another profile are less than a distance [m] from each other."""
         order = self.height[:, 0].argsort()
         for begin in range(0, len(order), CHUNK):
             own = order[begin : begin + CHUNK]
@@ -46,7 +49,7 @@ class SweptProfile:
 
 
 def swept_profile(triangles: Array, axis: Array, origin: Array) -> SweptProfile:
-    """Profile of a body that turns about an axis.
+    """Computes the profile of a body that turns about an axis.
 
     Args:
         triangles: Corners of the triangles, shape (t, 3, 3) [m].
@@ -72,5 +75,5 @@ def swept_profile(triangles: Array, axis: Array, origin: Array) -> SweptProfile:
 
 
 def _gap(own: Array, other: Array) -> Array:
-    """Gaps between intervals (s, 2) and intervals (t, 2), shape (s, t); zero where they overlap."""
+    """Gap between each of s intervals (s, 2) and each of t intervals (t, 2), shape (s, t); zero if they overlap."""
     return np.maximum(0.0, np.maximum(own[:, None, 0] - other[:, 1], other[:, 0] - own[:, None, 1]))

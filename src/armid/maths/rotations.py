@@ -14,7 +14,7 @@ from armid.checked_array import Array
 
 
 def skew(v: ArrayLike) -> Array:
-    """Skew-symmetric matrix S(v) of a vector, shape (..., 3, 3), with S(v) w = v × w."""
+    """Skew-symmetric matrices S(v), shape (..., 3, 3), of vectors v (..., 3), with S(v) w = v × w."""
     x, y, z = np.moveaxis(np.asarray(v, dtype=np.float64), -1, 0)
     o = np.zeros_like(x)
     return np.stack([np.stack([o, -z, y], -1), np.stack([z, o, -x], -1), np.stack([-y, x, o], -1)], -2)
@@ -28,31 +28,31 @@ def axis_rotation(axis: Array, angle: ArrayLike) -> Array:
 
 
 def rotation_x(angle: float) -> Array:
-    """Rotation matrix about the x axis, exact if the angle is a multiple of 15°."""
+    """Rotation matrix (3, 3) about the x axis by an angle [rad], exact if the angle is a multiple of 15°."""
     c, s = _cos_sin(angle)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
 def rotation_y(angle: float) -> Array:
-    """Rotation matrix about the y axis, exact if the angle is a multiple of 15°."""
+    """Rotation matrix (3, 3) about the y axis by an angle [rad], exact if the angle is a multiple of 15°."""
     c, s = _cos_sin(angle)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 def rotation_z(angle: float) -> Array:
-    """Rotation matrix about the z axis, exact if the angle is a multiple of 15°."""
+    """Rotation matrix (3, 3) about the z axis by an angle [rad], exact if the angle is a multiple of 15°."""
     c, s = _cos_sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def rpy_rotation(rpy: ArrayLike) -> Array:
-    """Rotation matrix Rz(yaw) Ry(pitch) Rx(roll) of the angles (roll, pitch, yaw), as in URDF."""
+    """Rotation matrix Rz(yaw) Ry(pitch) Rx(roll) for the angles (roll, pitch, yaw) [rad], as in URDF."""
     roll, pitch, yaw = np.asarray(rpy, dtype=np.float64)
     return rotation_z(yaw) @ rotation_y(pitch) @ rotation_x(roll)
 
 
 def homogeneous(rotation: Array, translation: ArrayLike) -> Array:
-    """Homogeneous transform (4, 4) from R_AB (3, 3) and p_AB (3,) [m]."""
+    """Homogeneous transform (4, 4) made from the rotation R_AB (3, 3) and the translation p_AB (3,) [m]."""
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = rotation, translation
     return T

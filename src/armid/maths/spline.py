@@ -88,7 +88,7 @@ def _tridiagonal(below: Array, diagonal: Array, above: Array, right: Array) -> A
 
 
 def spline(time: Array, x: Array, at: Array) -> Array:
-    """Values of the cubic spline through samples, at given times.
+    """Values, at given times, of the cubic spline through samples.
 
     Args:
         time: Sample times, increasing, shape (N,), N ≥ 2 [s].
@@ -111,7 +111,7 @@ def spline(time: Array, x: Array, at: Array) -> Array:
 
 
 def _short(h: Array, chord: Array) -> Array:
-    """Slopes at two samples of the line through them, or at three samples of the parabola through them."""
+    """Slopes at the samples of the line through two samples, or of the parabola through three samples."""
     if len(h) == 1:
         return np.repeat(chord, 2, axis=0)
     bend = (chord[1] - chord[0]) / (h[0] + h[1])

@@ -1,8 +1,8 @@
-"""Dry friction over one time step: which joints slide or stick, and their friction torque.
+"""Dry friction over one time step: decision which joints slide and which stick, and their friction torque.
 
 The friction torque f of a sliding joint is at its bound; that of a sticking joint has any value between the bounds:
 
-    v = free - G f,   f = -lower where v < 0,   f = upper where v > 0,   -lower <= f <= upper where v = 0
+    v = free - G f,   f = -lower if v < 0,   f = upper if v > 0,   -lower <= f <= upper if v = 0
 
 Here v is the velocity at the end of the step, `free` is this velocity without dry friction, and G is the mobility,
 the change of velocity in the step for unit torque, a symmetric positive definite matrix. These are the optimality
@@ -16,15 +16,15 @@ import numpy as np
 from armid.checked_array import Array
 
 ROUNDS = 20
-"""Largest number of changes of the active set. Then Gauss-Seidel sweeps are used. For arms one to four changes are
-enough."""
+"""Largest number of changes of the active set (the sliding joints), after which Gauss-Seidel sweeps are used. For
+arms, one to four changes are enough."""
 
 SWEEPS = 400
 """Number of Gauss-Seidel sweeps, which are used if the active set does not converge; a few sweeps halve the error."""
 
 
 def solve_stiction(mobility: Array, free: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Friction torque in a time step and velocity at the end of the step, for W arms at once.
+    """Friction torques in a time step and velocities at the end of the step, for W arms at once.
 
     Args:
         mobility: Mobility G, shape (W, n, n) [rad/s/(N·m) or m/s/N].
@@ -60,7 +60,7 @@ def solve_stiction(mobility: Array, free: Array, lower: Array, upper: Array) -> 
 
 
 def _swept(mobility: Array, free: Array, f: Array, lower: Array, upper: Array) -> Array:
-    """Friction torque (W, n) by Gauss-Seidel sweeps from an initial value f (W, n); they always converge."""
+    """Friction torques (W, n) by Gauss-Seidel sweeps, which always converge, from an initial value f (W, n)."""
     f = f.copy()
     for _ in range(SWEEPS):
         for j in range(f.shape[1]):

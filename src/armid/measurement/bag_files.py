@@ -17,7 +17,7 @@ from armid.measurement.catalogue import READERS
 METADATA = "metadata.yaml"
 
 STORAGE: tuple[str, ...] = READERS["bag"].suffixes
-"""Suffixes of files with messages."""
+"""Suffixes of the files in which bags store messages."""
 
 (COMPRESSED,) = READERS["bag"].packings
 """Suffix that ROS 2 adds to the name of a compressed file."""
@@ -28,17 +28,17 @@ OURS = {
     ),
     "estimate.json": "the folder is a run of armid identify, not a recording; give a recording.",
 }
-"""Remedies for a folder that armid has written and that is no recording, by the name of a file in this folder."""
+"""Remedies for folders that armid has written and that are not recordings, by the name of a file in the folder."""
 
 
 def is_packed(path: Path) -> bool:
-    """Tests whether a path is a single bag file, compressed as a whole by ROS 2, for instance `run_0.db3.zstd`."""
+    """Checks whether a path is a single bag file that ROS 2 has compressed as a whole, such as `run_0.db3.zstd`."""
     return path.name.lower().endswith(READERS["bag"].packed)
 
 
 @contextmanager
 def opened(path: Path) -> Generator[list[Path]]:
-    """Context manager with the paths to open for a bag; compressed files are unpacked to a temporary folder.
+    """Context manager that gives the paths to open for a bag; compressed files are unpacked to a temporary folder.
 
     Raises:
         RecordingError: The folder has no bag, or a file cannot be decompressed.
@@ -60,7 +60,7 @@ def opened(path: Path) -> Generator[list[Path]]:
 
 
 def _zstd() -> Any:
-    """Python module that unpacks zstd: that of the standard library, or the one that rosbags installs."""
+    """Imports the Python module that unpacks zstd: from the standard library, or the one that rosbags installs."""
     name = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
     try:
         return importlib.import_module(name)
@@ -69,7 +69,7 @@ def _zstd() -> Any:
 
 
 def bag_paths(path: Path) -> list[Path]:
-    """Paths to open for a bag: the file, the folder if it has metadata, or otherwise the files in the folder.
+    """Paths to open for a bag: the path itself, or the message files if it is a folder without metadata.
 
     Raises:
         RecordingError: The folder has no bag.

@@ -21,7 +21,10 @@ class RecordingReader(Protocol):
 
     @staticmethod
     def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
-        """Reads one file, with the joint names of the robot if it is given; `load_recording` then adds the path."""
+        """Reads one file; if the robot is given, its joint names may be used to find the columns.
+
+        The function `load_recording` then adds the path to the recording.
+        """
         ...
 
 
@@ -32,8 +35,8 @@ class RecordingFormat:
     Attributes:
         module: Module that reads this format.
         suffixes: Suffixes of files of this format, in lower case, with the dot.
-        packings: Suffixes that compressed files have after one of `suffixes`.
-        ambiguous: Those of `suffixes` that are also usual for files that are not recordings.
+        packings: Suffixes that are added to one of `suffixes` in the names of compressed files.
+        ambiguous: Members of `suffixes` that are also usual for files that are not recordings.
         has_folders: True if a folder is a recording of this format.
     """
 
@@ -45,7 +48,7 @@ class RecordingFormat:
 
     @property
     def packed(self) -> tuple[str, ...]:
-        """Endings of the names of compressed files of this format."""
+        """Endings of the names of compressed files of this format, such as `.csv.gz`."""
         return tuple(f"{suffix}{packing}" for suffix in self.suffixes for packing in self.packings)
 
     @property
@@ -78,7 +81,7 @@ READERS: Catalogue[RecordingFormat] = Catalogue(
         "excel": RecordingFormat("armid.measurement.readers.excel", (".xlsx", ".xlsm")),
     }
 )
-"""Formats of recordings, by the name of the module that reads them."""
+"""Formats of recordings, by their names."""
 
 
 def recording_suffixes() -> tuple[str, ...]:

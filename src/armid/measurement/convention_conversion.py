@@ -24,12 +24,12 @@ from armid.measurement.remedy_builders import naming
 from armid.robot.robot import Robot
 
 WRAP_TOLERANCE = 0.5
-"""Largest difference between a jump and whole turns at which the jump is a wrap of the angle [rad]. It allows for
-the motion of the joint from sample to sample, also over a short gap. If the typical step of a channel is larger,
-wraps cannot be detected."""
+"""Largest difference between a jump of an angle and a whole number of turns at which the jump counts as a wrap of the
+angle [rad]. It allows for the motion of the joint from sample to sample, also over a short gap. If the typical step
+of a channel is larger, wraps cannot be detected."""
 
 COMMON = ("torque_sign", "position_sign", "delay", "drive_gain", "drive_gain_deviation", "position_zero_deviation")
-"""Fields of the log format that may be one number for all joints."""
+"""Fields of the log format that may be one number for all joints, or one number for each joint."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ def read_recording(path: Path | str, robot: Robot, log_format: LogFormat | None 
 
 
 def understood(recording: Recording, log_format: LogFormat) -> LogFormat:
-    """Log format, completed by the fields that the reader has detected."""
+    """Log format to which the fields are added that the reader has detected."""
     return replace(log_format, **recording.guessed) if recording.guessed else log_format
 
 
@@ -109,7 +109,7 @@ def _check_lengths(log_format: LogFormat, robot: Robot) -> None:
 
 
 def _check_channels(recording: Recording, log_format: LogFormat) -> tuple[Finding, ...]:
-    """Raises an error for channels without a signal; reports joints that stand still."""
+    """Raises an error for channels without a signal; returns findings about joints that stand still."""
     still = np.ptp(recording.q, axis=0) == 0
     if still.all():
         raise recording_error(
@@ -178,7 +178,7 @@ def _check_gains(recording: Recording, log_format: LogFormat) -> None:
 def _on_joint_side(
     recording: Recording, log_format: LogFormat, robot: Robot
 ) -> tuple[Recording, tuple[Finding, ...]]:
-    """Converts degrees, motor side, currents and signs to the robot's convention, and makes angles continuous."""
+    """Converts degrees, motor side, currents and signs to the robot's convention, and unwraps angles."""
     turns = np.array([not joint.is_prismatic for joint in robot.joints])
     sign = np.asarray(log_format.position_sign)
     unit = sign * np.where(turns & log_format.degrees(robot.n), np.pi / 180, 1.0)
@@ -216,7 +216,10 @@ def _on_joint_side(
 
 
 def _unwrapped(q: Array, turns: NDArray[np.bool_], robot: Robot) -> tuple[Array, tuple[Finding, ...]]:
-    """Makes angles continuous that jump by whole turns; findings name the joints of these angles."""
+    """Makes angles (N, n) continuous that jump by whole turns; the findings name their joints.
+
+    `turns` is the mask of the joints whose angles may wrap, shape (n,).
+    """
     findings: list[Finding] = []
     q = q.copy()
     for i in np.flatnonzero(turns):

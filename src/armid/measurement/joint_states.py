@@ -1,4 +1,4 @@
-"""Joint states of one or several publishers, merged by joint name."""
+"""Joint states of one or several publishers on a topic, merged by joint name."""
 
 from __future__ import annotations
 
@@ -21,13 +21,15 @@ FIELDS = ("position", "velocity", "effort")
 
 @dataclass(slots=True)
 class Publisher:
-    """Messages with the same joints; the order of the joints may differ between messages.
+    """Messages with the same set of joints, which are assumed to come from one publisher.
+
+    The order of the joints may differ between messages.
 
     Attributes:
         names: Names of the joints, in the order of the first message.
         stamps: Time in the header of each message [ns].
         received: Time at which the bag received each message [ns].
-        values: Values of each message for the keys position, velocity and effort.
+        values: For each key (position, velocity, effort), the values in each message, in the order of `names`.
     """
 
     names: tuple[str, ...]
@@ -42,9 +44,9 @@ class JointStates:
 
     Attributes:
         names: Names of the joints.
-        time: Header stamps, or times of reception, shape (N,) [ns].
+        time: Times of the states, from the stamps in the headers or from the reception, shape (N,) [ns].
         values: Position, velocity and effort, shape (N, n) each, if they were published.
-        clocked: True if the messages have time stamps.
+        clocked: True if `time` contains the stamps in the headers, false if it contains times of reception.
         findings: Findings about the messages.
     """
 
@@ -58,13 +60,13 @@ class JointStates:
 def collect(
     publishers: dict[frozenset[str], Publisher], names: Sequence[str], at: tuple[int, int], values: Mapping[str, Any]
 ) -> None:
-    """Adds one message to the messages with the same joints, and puts its values into the order of their joints.
+    """Adds a message to the messages with the same joints, with its values in the order of their joints.
 
     Args:
-        publishers: Messages so far, by the joints that they contain.
+        publishers: Earlier messages, by the set of joints that they contain; changed in place.
         names: Joints of the message.
-        at: Time stamp of the header and time of reception [ns].
-        values: Fields of the message.
+        at: Time stamp in the header and time of reception [ns].
+        values: Values in the message, by key (position, velocity, effort).
     """
     names = tuple(names)
     publisher = publishers.get(frozenset(names))
@@ -86,13 +88,13 @@ def names_of(publishers: Iterable[Publisher]) -> tuple[str, ...]:
 def joined(
     publishers: Sequence[Publisher], wanted: Sequence[str], spare: Sequence[str], path: Path, topic: str
 ) -> JointStates:
-    """States of the wanted joints, on the clock of the publisher with most of these joints.
+    """Joint states of the wanted joints, at the times of the publisher with most of these joints.
 
     Args:
         publishers: Publishers of one topic.
         wanted: Joints that must be published. If no joint is wanted, there must be exactly one publisher.
-        spare: Joints that are read in addition if they are published; only their positions are read if another
-            publisher has them.
+        spare: Joints that are added if they are published. If another publisher has them, only their positions are
+            read.
         path: The bag, for messages.
         topic: The topic, for messages.
 
@@ -124,7 +126,7 @@ def joined(
 
 
 def _chosen(filled: Sequence[Publisher], wanted: Sequence[str], path: Path, topic: str) -> list[Publisher]:
-    """Publishers of the wanted joints; the publisher of most of these joints comes first."""
+    """Chooses the publishers that have the wanted joints; the publisher of most of these joints comes first."""
     if not wanted:
         if len(filled) == 1:
             return list(filled)
@@ -162,7 +164,7 @@ def _states(publisher: Publisher, path: Path, *, clocked: bool) -> JointStates:
 
 
 def _stack(rows: Sequence[Any], names: tuple[str, ...], name: str, path: Path) -> Array | None:
-    """One field of all messages, shape (N, n); `None` if it is empty in all messages."""
+    """Values of one field in all messages, shape (N, n); `None` if the field is empty in all messages."""
     n = len(names)
     lengths = {len(row) for row in rows}
     if lengths == {0}:
@@ -179,7 +181,7 @@ def _stack(rows: Sequence[Any], names: tuple[str, ...], name: str, path: Path) -
 
 
 def _received(states: Sequence[JointStates]) -> Finding:
-    """Finding that states that the times of reception are used as the clock, because messages have no time stamps."""
+    """Finding that messages have no time stamps, so that the times of reception are used as the clock."""
     step = np.diff(states[0].time) * 1e-6
     typical = float(median(step)) if step.size else 0.0
     spread = (
@@ -198,7 +200,7 @@ def _received(states: Sequence[JointStates]) -> Finding:
 
 
 def _merged(first: JointStates, others: Sequence[JointStates], wanted: Sequence[str]) -> tuple[JointStates, Finding]:
-    """Wanted joints of several publishers, at those times of the first publisher at which all of them publish."""
+    """Merges the wanted joints of several publishers, at the times of the first one within the common interval."""
     begin = max(each.time[0] for each in (first, *others))
     end = min(each.time[-1] for each in (first, *others))
     inside = (first.time >= begin) & (first.time <= end)
@@ -260,7 +262,7 @@ def _at(time: NDArray[np.int64], known: NDArray[np.int64], values: Array) -> Arr
 
 
 def _farthest(time: NDArray[np.int64], known: NDArray[np.int64]) -> float:
-    """Largest distance of one of the times `time` from the nearest of the times `known` [ms]."""
+    """Largest distance [ms] between one of the times `time` [ns] and the nearest of the times `known` [ns]."""
     after = np.clip(np.searchsorted(known, time), 1, max(len(known) - 1, 1))
     before = after - 1
     after = np.minimum(after, len(known) - 1)

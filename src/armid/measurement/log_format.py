@@ -14,19 +14,19 @@ from armid.checked_array import Array, array
 from armid.errors import ArmidError, RecordingError, did_you_mean
 
 QUANTITIES = ("time", "q", "dq", "ddq", "effort")
-"""Quantities that columns can hold."""
+"""Quantities that columns of a recording can contain."""
 
 SINGULAR = 1e-12
-"""Ratio of the smallest to the largest singular value below which a transmission counts as singular. Rounding of
-gear ratios gives 1e-16; real gears stay above 1e-4."""
+"""Ratio of the smallest to the largest singular value of a transmission matrix below which it counts as singular.
+Rounding of gear ratios causes a ratio of 1e-16; for real gears the ratio is above 1e-4."""
 
 LONGEST_DELAY = 1.0
-"""Largest accepted delay between channels [s]; a larger value was probably not given in seconds."""
+"""Largest accepted delay between channels [s]; a larger value was probably given in another unit."""
 
 
 @dataclass(frozen=True, slots=True)
 class FormatPreset:
-    """Columns and unit of time of a well-known log format.
+    """Names of the columns and unit of time in a well-known log format.
 
     Attributes:
         columns: Column name or pattern for each quantity.
@@ -62,7 +62,7 @@ PRESETS: Mapping[str, FormatPreset] = {
         time_unit=1e-3,
     ),
 }
-"""Well-known log formats by name."""
+"""Well-known log formats, by their names."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -73,11 +73,13 @@ class LogFormat:
 
     Attributes:
         rate: Sample rate [Hz]; given only if the file has no time column.
-        consecutive: True if the rows are consecutive in time; detected if `None`.
+        consecutive: True if the rows are consecutive in time; if `None`, this is detected.
         torque_sign: +1 or -1, one value for all joints or one for each joint: measured torque = sign · torque in the
             convention of the URDF.
-        position_sign: Sign of positions, velocities and accelerations, in the same form.
-        drive_gain: Joint torque per ampere of current, if the effort is a current, one value or shape (n,) [N·m/A].
+        position_sign: +1 or -1, one value for all joints or one for each joint: logged position, velocity and
+            acceleration = sign · value in the convention of the URDF.
+        drive_gain: Joint torque per ampere of current, if the effort is a current; one value or shape (n,) [N·m/A or
+            N/A].
         drive_gain_deviation: Relative standard deviation of the drive gains, one value or shape (n,).
         transmission: Matrix N, shape (n, n), if the log is on the motor side: q_motor = N (q - joint_offset) and
             torque_joint = Nᵀ torque_motor.
@@ -100,9 +102,9 @@ class LogFormat:
             contact.
         period: Period of the motion [s], or `none` if the motion does not repeat; detected from the positions if not
             given.
-        start: Time of the first period on the recording's clock [s].
-        spikes: If not given, spikes are left out: isolated samples of positions, velocities and torques that no arm
-            can have, such as zeros of a lost packet. With `keep`, they are used.
+        start: Start of the first period on the recording's clock [s].
+        spikes: With `keep`, spikes are used like other samples. If not given, they are left out. Spikes are isolated
+            samples of positions, velocities and torques that no arm can produce, such as zeros of a lost packet.
     """
 
     rate: float | None = None
@@ -152,7 +154,7 @@ class LogFormat:
 
     @property
     def joint_map(self) -> dict[str, str]:
-        """Robot joint of each channel; unnamed channels are called 1, 2, …."""
+        """Robot joint to which each channel of the file is assigned; unnamed channels are called 1, 2, …."""
         return _joints(self.joints)
 
     @property
@@ -162,28 +164,28 @@ class LogFormat:
 
     @property
     def stated_period(self) -> float | None:
-        """Period that is given [s]; `None` if it must be detected or the motion does not repeat."""
+        """Period that the log format states [s]; `None` if it must be detected or the motion does not repeat."""
         return None if self.period == "none" else self.period
 
     @property
     def clock_unit(self) -> float:
-        """Length of one unit of the time column [s]: the given one, otherwise that of the preset."""
+        """Length of one unit of the time column [s]: `time_unit` if given, otherwise the unit of the preset."""
         if self.time_unit is not None or self.preset is None or "time" in self.columns:
             return self.time_unit or 1.0
         return PRESETS[self.preset].time_unit
 
     @property
     def repeats(self) -> float | Literal["find"] | None:
-        """Period [s], `find` if the period must be detected, or `None` if the motion does not repeat."""
+        """Period [s]; `find` if it must be detected; `None` if the motion does not repeat."""
         return "find" if self.period is None else self.stated_period
 
     def degrees(self, n: int) -> NDArray[np.bool_]:
-        """Mask of the joints among n that are logged in degrees, shape (n,)."""
+        """Mask of the joints whose angles are logged in degrees, shape (n,), for n joints."""
         units = (self.units,) * n if self.units is None or isinstance(self.units, str) else self.units
         return np.array([unit == "deg" for unit in units], dtype=np.bool_)
 
     def _check_joint_side(self) -> None:
-        """Checks that all fields with one entry for each joint have the same length."""
+        """Checks the fields with values for each joint, and that all these fields have the same length."""
         lengths: dict[str, int] = (
             {} if self.units is None or isinstance(self.units, str) else {"units": len(self.units)}
         )
@@ -238,7 +240,7 @@ def _wrong(name: str, value: object, possible: str) -> RecordingError:
 
 
 def _numbers(value: object, shape: tuple[int | None, ...] | None, name: str) -> Array:
-    """Converts a value to an array of finite numbers, after a check of its shape if a shape is given."""
+    """Converts a value to an array of finite numbers; if a shape is given, it is checked."""
     try:
         plain = np.asarray(value, dtype=np.float64)
         return array(plain, plain.shape if shape is None else shape, name)

@@ -1,4 +1,4 @@
-"""Frequency band in which torque and model are compared: the same low-pass filter for both, then decimation.
+"""Frequency band in which torque and model are compared: one low-pass filter for both, then decimation.
 
 If only the torque were filtered, the estimate would be biased, because a filtered friction torque no longer follows
 the sign of the velocity. The filter is therefore stored with the observations and applied both to the torque and to
@@ -18,15 +18,15 @@ Edges = Literal["drop", "periodic", "pad"]
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """Zero-phase low-pass filter, not yet applied.
+    """Zero-phase low-pass filter for torque and regressor columns; the observations are stored without its effect.
 
     Attributes:
         family: `butterworth` (forward and backward, -6 dB at the cut-off), `fir` (linear phase) or `none`.
         cutoff: Cut-off frequency [Hz]; ignored for `none`.
         order: Order of one Butterworth pass, or length of the FIR filter in periods of the cut-off frequency.
-        edges: Treatment of the ends of a run. `periodic`: the run is a whole number of periods. `pad`: the run is
-            extended by odd reflection and all rows are kept. `drop`: as `pad`, but the rows that the ends influence
-            are dropped.
+        edges: Treatment of the ends of a run. `periodic`: the run is a whole number of periods and continued
+            periodically. `pad`: the run is extended by odd reflection and all rows are kept. `drop`: as `pad`, but
+            the rows that the ends influence are dropped.
         columns: True if the regressor columns are filtered, too. With `False` only the torque is filtered; this
             biases the estimate, and it exists only to reproduce published results.
     """
@@ -58,5 +58,5 @@ class Band:
 
     @property
     def is_open(self) -> bool:
-        """Tests whether the band filters nothing."""
+        """True if the band has no filter (family `none`)."""
         return self.family == "none"

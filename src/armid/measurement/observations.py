@@ -24,9 +24,9 @@ class ObservedRun:
         motion: Motion at the full sampling rate, N samples.
         torque: Joint torque, shape (N, n) [N·m or N].
         rate: Samples per second [Hz].
-        step: Samples from one row of the output grid to the next.
+        step: Number of samples from one row of the output grid to the next.
         offset: Index of the sample of the first row.
-        mask: True for the valid rows of each joint, shape (M, n).
+        mask: Mask of the rows that are valid for each joint, shape (M, n).
         block: Block of each row, counted from 0 without gaps, shape (M,). A block is one period if a period is
             stated, otherwise about one second.
         consecutive: True if the samples are consecutive in time; otherwise nothing may be filtered.
@@ -85,9 +85,10 @@ class Observations:
 
     Attributes:
         runs: The runs.
-        band: Filter for torque and columns, not yet applied.
-        position_noise: Standard deviation of the noise of each joint's positions if accelerations are differences of
-            positions, shape (n,) [rad or m]; zero if velocities were recorded or if it is not known.
+        band: Filter for torque and regressor columns, not yet applied.
+        position_noise: Standard deviation of the noise of each joint's positions, shape (n,) [rad or m], if
+            accelerations are computed from positions by differences; zero if velocities were recorded or if the noise
+            is not known.
     """
 
     runs: tuple[ObservedRun, ...]

@@ -1,4 +1,4 @@
-"""Comparison of positions with the limits of the joints: angles in degrees, and joints far outside their limits."""
+"""Comparison of positions with the limits of the joints, to detect angles in degrees and wrong offsets."""
 
 from __future__ import annotations
 
@@ -14,27 +14,28 @@ from armid.measurement.remedy_builders import lines
 from armid.robot.robot import Robot
 
 FAR = 0.5
-"""Distance by which positions exceed the limits of a joint, divided by the range between the limits, above which the
-cause cannot be that the limits are inaccurate."""
+"""Largest distance by which positions may exceed the limits of a joint, divided by the range between the limits, if
+only the limits are inaccurate; positions beyond this distance have another cause, such as a wrong unit."""
 
 OVERSHOOT = 0.1
-"""Distance by which positions may exceed the limits of a joint, divided by the range between the limits, so that they
-still count as inside. In recordings of ten arms this ratio is at most 0.03."""
+"""Largest distance by which positions may exceed the limits of a joint, divided by the range between the limits, at
+which they count as inside. In recordings of ten arms this ratio is at most 0.03."""
 
 WIDEST = 7.0
-"""Largest plausible angle of a joint, about one turn [rad]."""
+"""Largest plausible absolute angle of a joint, about one turn [rad]."""
 
 COMPARABLE = 0.25
-"""Smallest share of its range that a joint must use if its angles are in degrees, divided by the share that the other
-joints use in radians. Angles in radians that are wrongly taken as degrees use only some hundredths of this share."""
+"""Share of its range that a joint uses if its angles are taken as degrees, divided by the share that the other joints
+use in radians; smallest value at which degrees are plausible. Angles in radians that are wrongly taken as degrees use
+only some hundredths of the share of the others."""
 
 
 def check_limits(recording: Recording, log_format: LogFormat, robot: Robot) -> tuple[Finding, ...]:
-    """Raises an error if degrees were read as radians; reports joints far outside their limits.
+    """Raises an error if degrees were read as radians; returns a finding about joints far outside their limits.
 
     Args:
         recording: Recording in the robot's convention.
-        log_format: Log format with which it was read.
+        log_format: Log format with which the recording was read.
         robot: The arm that was recorded.
 
     Raises:
@@ -77,14 +78,14 @@ def check_limits(recording: Recording, log_format: LogFormat, robot: Robot) -> t
 
 
 def in_degrees(robot: Robot, q: Array, read_so: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Mask (n,) of joints that are far outside their limits, but inside if their angles are in degrees.
+    """Mask (n,) of joints that are far outside their limits in radians, but inside them if angles are in degrees.
 
     Usually all revolute joints of a log have the same unit. Only some joints are taken as degrees if their angles are
     larger than a turn and if, in degrees, these joints use as much of their range as the other joints do in radians.
 
     Args:
         robot: The arm.
-        q: Positions, shape (N, n) [rad or m].
+        q: Positions as read, shape (N, n) [rad or m].
         read_so: Mask of the joints whose angles are already read as degrees, shape (n,).
     """
     nobody = np.zeros(robot.n, dtype=np.bool_)
@@ -107,7 +108,7 @@ def in_degrees(robot: Robot, q: Array, read_so: NDArray[np.bool_]) -> NDArray[np
 def _beyond(robot: Robot, q: Array) -> tuple[Array, Array]:
     """Largest distance by which positions (N, n) exceed the limits, and range of the limits, (n,) each.
 
-    For unknown limits, the distance is -∞ and the range ∞.
+    Both are in rad or m. For unknown limits, the distance is -∞ and the range ∞.
     """
     low, high = np.array([joint.position_limits for joint in robot.joints]).reshape(-1, 2).T
     known = np.isfinite(low) & np.isfinite(high) & (high > low)

@@ -15,7 +15,7 @@ from armid.notebook_display import Displayed, Summary, spans
 
 
 def _all_valid() -> NDArray[np.bool_]:
-    """Default mask: a single true value, which is valid for any number of samples and channels."""
+    """Default mask of valid samples: a single true value, which is broadcast to all samples and channels."""
     return np.ones((), dtype=np.bool_)
 
 
@@ -35,8 +35,8 @@ class Recording(Displayed):
         joint_names: Names of the n channels; empty if the file only numbers its channels.
         rate: Sample rate [Hz], from the log format, if there is no clock.
         consecutive: True if the rows are consecutive in time; `None` if this is not known.
-        valid: True for samples in use, shape (N, n), or (N,) for all channels; all samples if not given.
-        effort_is_current: True if the effort is a motor current, which a drive gain has yet to convert to torque.
+        valid: Mask of the samples in use, shape (N, n), or (N,) for all channels; all samples if not given.
+        effort_is_current: True if the effort is a motor current, which has not yet been converted to torque.
         columns: Names of the columns of each quantity, if the file has columns.
         number: Number of each sample in the original log, shape (N,), if some samples have been left out.
         guessed: Fields of the log format that the reader has detected, for instance the columns.
@@ -93,7 +93,7 @@ class Recording(Displayed):
         object.__setattr__(self, "valid", valid)
 
     def _fitting(self, values: Array, shape: tuple[int, ...], name: str) -> Array:
-        """Converts values to an array, after a check that they have the shape that the positions q require."""
+        """Converts values to an array and checks that its shape agrees with the shape of the positions q."""
         found = np.shape(values)
         if found != shape:
             raise RecordingError(
@@ -104,7 +104,7 @@ class Recording(Displayed):
         return array(values, shape, name, finite=False)
 
     def summary(self) -> Summary:
-        """Table with the range of each quantity of each channel."""
+        """Table with the range of each quantity in each channel."""
         effort = "current" if self.effort_is_current else "effort"
         named = {"q": self.q, "dq": self.dq, "ddq": self.ddq, effort: self.effort}
         known = {name: values for name, values in named.items() if values is not None}
@@ -130,12 +130,12 @@ class Recording(Displayed):
 
 
 def recording_error(code: str, recording: Recording, problem: str, remedy: str, possible: str = "") -> RecordingError:
-    """Error about a recording; `code` is the code of the corresponding finding of the doctor."""
+    """Error about a recording, with the code of the corresponding finding of the doctor."""
     return RecordingError(problem, possible=possible, remedy=remedy, source=recording.source, code=code)
 
 
 def select_rows(recording: Recording, keep: NDArray[np.bool_]) -> Recording:
-    """Recording with a selection of its rows, by a mask of shape (N,)."""
+    """Recording with only those rows that a mask of shape (N,) selects."""
     if keep.all():
         return recording
     names = ("time", "q", "dq", "ddq", "effort", "valid")

@@ -11,14 +11,14 @@ from armid.measurement.log_format import LogFormat
 from armid.remedy import Remedy, setting
 
 DIGITS = 4
-"""Number of decimals of excluded times in seconds; intervals are rounded outwards."""
+"""Number of decimals of the times [s] in a remedy that excludes intervals; intervals are rounded outwards."""
 
 
 def lines(note: str = "", table: str = "", **keys: Any) -> Remedy:
-    """Remedy that sets keys of a study to values, one per line, with a comment at the end of the last line.
+    """Remedy that sets keys of a study, one line for each key, with a comment at the end of the last line.
 
     Args:
-        note: Comment.
+        note: Text of the comment.
         table: Table of the study to which the keys belong, if it is not `[[recording]]`.
         keys: Values by key; they may be arrays.
     """
@@ -26,7 +26,7 @@ def lines(note: str = "", table: str = "", **keys: Any) -> Remedy:
 
 
 def excluding(log_format: LogFormat, intervals: Sequence[tuple[float, float]], note: str = "") -> Remedy:
-    """Remedy that excludes further intervals [s] in addition to those of the log format; overlaps are merged."""
+    """Remedy that excludes intervals [s] in addition to those of the log format; overlapping intervals are merged."""
     unit = 10.0**DIGITS
     wider = [(float(np.floor(a * unit)) / unit, float(np.ceil(b * unit)) / unit) for a, b in intervals]
     joined: list[list[float]] = []
@@ -39,7 +39,10 @@ def excluding(log_format: LogFormat, intervals: Sequence[tuple[float, float]], n
 
 
 def naming(log_format: LogFormat, names: Mapping[str, Sequence[str] | str], note: str = "") -> Remedy:
-    """Remedy that names columns in addition to those of the log format; an empty name leaves a quantity out."""
+    """Remedy that names columns of quantities, in addition to those in the log format.
+
+    An empty name leaves a quantity out.
+    """
     kept = {key: _pattern(value) for key, value in log_format.columns.items()}
     return lines(note, columns={**kept, **{key: _pattern(value) for key, value in names.items()}})
 
@@ -51,7 +54,7 @@ def _pattern(names: Sequence[str] | str) -> str | list[str]:
 
 
 def _plain(value: Any) -> Any:
-    """Arrays and numbers of NumPy, converted to values for TOML."""
+    """Converts arrays and numbers of NumPy to values that can be written as TOML."""
     if isinstance(value, np.ndarray):
         return _plain(value.tolist())
     if isinstance(value, np.generic):

@@ -1,4 +1,4 @@
-"""Text tables: encoding, header, units, delimiter and rows; decimal commas and dates are converted to numbers."""
+"""Text tables: detection of encoding, header, units and delimiter, and conversion of the fields to numbers."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from armid.measurement.columns.column_name_parsing import unit_kind
 from armid.notebook_display import plural
 
 DELIMITERS = (",", ";", "\t")
-"""Delimiters that a header may have; a header without any of them is delimited by spaces."""
+"""Delimiters that are searched in a header; if it contains none of them, the columns are delimited by spaces."""
 
 COMMENTS = ("#", "%", "//")
-"""Characters that begin a comment line; the last comment before the rows may be the header."""
+"""Beginnings of comment lines; the last comment line before the rows may be the header."""
 
 PREAMBLE = 50
-"""Largest number of lines with notes before a header."""
+"""Largest number of lines with notes that may precede a header."""
 
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 MOMENT = re.compile(r"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d)?)(?:[.,](\d+))?\s*(Z|[+-]\d\d:?\d\d)?")
@@ -39,7 +39,7 @@ class TextTable:
         rows: Text of each row, without the header.
         numbers: Line number of each row in the file, counted from 0.
         delimiter: Delimiter of fields.
-        findings: Finding about a last row that was left out because it is incomplete.
+        findings: Finding about the last row if it was left out because it is incomplete.
     """
 
     names: tuple[str, ...]
@@ -49,12 +49,12 @@ class TextTable:
     findings: tuple[Finding, ...] = ()
 
     def fields(self, k: int) -> list[str]:
-        """Fields of row `k`."""
+        """Fields of row `k`, as texts."""
         return split(self.rows[k], self.delimiter)
 
 
 def decoded(data: bytes, path: Path) -> str:
-    """Text of a file, which is decoded as UTF-8, UTF-16 or, if neither fits, with the Windows code page 1252.
+    """Decodes the content of a file as UTF-8, UTF-16 or, if neither fits, with the Windows code page 1252.
 
     Raises:
         RecordingError: The data are not text.
@@ -75,7 +75,7 @@ def decoded(data: bytes, path: Path) -> str:
 
 
 def table_of(text: str, path: Path) -> TextTable:
-    """Header and rows of a text; an incomplete last row is left out, with a finding.
+    """Splits a text into header and rows; an incomplete last row is left out, with a finding.
 
     Raises:
         RecordingError: There is no header or no row, or a row has too few or too many fields. The message names the
@@ -107,7 +107,7 @@ def table_of(text: str, path: Path) -> TextTable:
 
 
 def numbers_of(table: TextTable, wanted: Sequence[str], path: Path) -> dict[str, Array]:
-    """Converts columns of a text table to numbers, by name; an empty field is NaN.
+    """Converts the wanted columns of a text table to numbers, shape (N,) each, by name; an empty field becomes NaN.
 
     Raises:
         RecordingError: A field is not a number, or two columns have the same name.
@@ -133,7 +133,9 @@ def numbers_of(table: TextTable, wanted: Sequence[str], path: Path) -> dict[str,
 
 
 def seconds_of(table: TextTable, name: str, path: Path) -> Array | None:
-    """Dates or times of day, converted to seconds since the first row; `None` if the times are numbers.
+    """Converts a column of dates or times of day to seconds, shape (N,); `None` if the column contains numbers.
+
+    The seconds count from the last whole second before the first row.
 
     Raises:
         RecordingError: A field is neither a date nor a time of day.
@@ -157,7 +159,7 @@ def seconds_of(table: TextTable, name: str, path: Path) -> Array | None:
 
 
 def _moment(cell: str) -> tuple[float, float]:
-    """Whole seconds and fraction of a date or a time of day; a date without a zone is taken as UTC."""
+    """Converts a date or a time of day to whole seconds and a fraction; a date without a time zone is UTC."""
     hit = MOMENT.fullmatch(cell)
     if hit:
         moment = datetime.fromisoformat(f"{hit[1].replace(' ', 'T')}{hit[3] or ''}")
@@ -170,14 +172,14 @@ def _moment(cell: str) -> tuple[float, float]:
 
 
 def split(line: str, delimiter: str) -> list[str]:
-    """Splits one line into its fields; a delimiter inside quotes does not split."""
+    """Splits a line into its fields; delimiters inside quotes do not separate fields."""
     if '"' in line:
         return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
     return line.split() if delimiter == " " else line.split(delimiter)
 
 
 def is_number(text: str) -> bool:
-    """Tests whether a field is a number, with a point or a comma."""
+    """Checks whether a field is a number, with a decimal point or a decimal comma."""
     try:
         float(text.replace(",", "."))
     except ValueError:
@@ -186,7 +188,7 @@ def is_number(text: str) -> bool:
 
 
 def _header_index(lines: Sequence[str], path: Path) -> int:
-    """Index of the line with the column names: the first non-comment line, or the comment above the rows."""
+    """Index of the line with the column names: the first line that is no comment, or the comment above the rows."""
     plain = [
         i for i, line in enumerate(lines) if line.strip() and not line.startswith(COMMENTS) and line[:4] != "sep="
     ]
@@ -222,7 +224,10 @@ def _begins_with_number(line: str) -> bool:
 
 
 def _units(fields: Sequence[str], count: int) -> list[str]:
-    """Units in the second line of a header; empty if this line is a row, or if no value must be converted."""
+    """Units in the line below the column names, one for each column; units of armid are replaced by empty texts.
+
+    The result is empty if the line is not a line of units.
+    """
     units = [field.strip().strip("[]()") for field in fields]
     if (
         len(units) != count
@@ -237,7 +242,7 @@ def _units(fields: Sequence[str], count: int) -> list[str]:
 
 
 def _without_ends(names: list[str], rows: list[str], delimiter: str) -> tuple[list[str], list[str]]:
-    """Removes trailing delimiters from the names of the columns and from the rows."""
+    """Removes delimiters at the ends of the header and of the rows."""
     if delimiter == " ":
         return names, rows
     more = len(split(rows[0], delimiter)) - len(names)
@@ -248,7 +253,7 @@ def _without_ends(names: list[str], rows: list[str], delimiter: str) -> tuple[li
 
 
 def _cut_end(rows: Sequence[str], number: int, width: int, delimiter: str, *, ended: bool) -> tuple[Finding, ...]:
-    """Finding about a last row that was not written completely; empty if it is complete, or if it is the only row.
+    """Finding that the last row was not written completely; empty if it is complete, or if it is the only row.
 
     Args:
         rows: Lines of the table.
@@ -289,14 +294,17 @@ def _check_widths(rows: Sequence[str], numbers: Sequence[int], width: int, delim
 
 
 def _rows_behind(count: int) -> str:
-    """Clause with the number of rows after a faulty line, which shows whether the end of the file is missing."""
+    """Text with the number of rows after a faulty line, which indicates whether the end of the file is missing."""
     if not count:
         return ", and it is the last row"
     return f", and {plural(count, 'row')} follow{'s' if count == 1 else ''} it"
 
 
 def _field_by_field(table: TextTable, wanted: dict[int, str], path: Path) -> Array:
-    """Reads wanted columns field by field, which is slow; an empty field becomes NaN, and other text is an error."""
+    """Converts columns field by field, which is slow; an empty field becomes NaN, other text is an error.
+
+    `wanted` maps the index of each column to its name. The result has shape (N, columns).
+    """
     values = np.empty((len(table.rows), len(wanted)))
     for i in range(len(table.rows)):
         fields = table.fields(i)

@@ -1,4 +1,4 @@
-"""Writers of recordings, in formats and with column names that `load_recording` reads."""
+"""Writers of recordings, in formats and with column names that `load_recording` can read."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ EXTRA = "io"
 PATTERNS = (("q", "q{}"), ("dq", "dq{}"), ("ddq", "ddq{}"), ("effort", "tau{}"))
 
 EPOCH = 1_600_000_000
-"""First time stamp in a bag for a recording that begins at 0 [s], because a stamp of zero means that there is no
+"""Time stamp in a bag of a sample at time 0 [s]; it is not zero, because a stamp of zero means that there is no
 clock."""
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
 FLOAT = "%.17g"
-"""Format of numbers in full precision, so that a text table reproduces every bit."""
+"""Format of numbers in text tables, with full precision, so that every bit is reproduced."""
 
 
 def save_recording(recording: Recording, path: Path | str) -> Path:
@@ -53,7 +53,7 @@ def save_recording(recording: Recording, path: Path | str) -> Path:
 
 
 def _columns(recording: Recording) -> dict[str, Array]:
-    """Columns of a recording by name, one for each channel of each quantity."""
+    """Columns of a recording by name: the time, and one column for each channel of each quantity."""
     columns = {} if recording.time is None else {"t": recording.time}
     for name, pattern in PATTERNS:
         values = getattr(recording, name)
@@ -129,7 +129,10 @@ def _bag(recording: Recording, suffix: str) -> bytes:
 
 
 def _joint_states(recording: Recording, types: Mapping[str, Any], first: bool) -> Iterator[tuple[int, Any]]:
-    """Yields time of reception [ns] and message of each row; only messages of ROS 1 are numbered in their headers."""
+    """Yields time of reception [ns] and message for each row of a recording.
+
+    Only messages of ROS 1 (`first`) are numbered in their headers.
+    """
     state, header, stamp = (
         types[name] for name in (JOINT_STATE, "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
     )
@@ -155,4 +158,4 @@ WRITERS: Mapping[str, Callable[[Recording], bytes]] = {
     ".db3": partial(_bag, suffix=".db3"),
     ".mcap": partial(_bag, suffix=".mcap"),
 }
-"""Functions that make the content of a file in each format that can be written, by the suffix of the file."""
+"""For each suffix of a file that can be written, the function that creates the content of the file."""

@@ -17,7 +17,7 @@ from armid.model.linear_combination_text import Style, linear_combination
 from armid.model.parameter_name import ParameterName
 
 RECORD_DIGITS = 14
-"""Number of significant digits of coefficients in JSON. A float has a few more; without rounding, 0.42 could be
+"""Number of significant digits of coefficients in JSON. A float has a few more digits, with which 0.42 could be
 written as 0.42000000000000004."""
 
 
@@ -55,14 +55,14 @@ def base_sums(base: BaseParameters, style: Style = "text") -> tuple[str, ...]:
 
 
 def column_formulas(base: BaseParameters, style: Style = "text") -> tuple[str, ...]:
-    """Formula of each removed column by the kept columns, for instance `Y_{YY_2} = Y_{ZZ_1} - Y_{XX_2}`."""
+    """Formula of each removed column in terms of the kept columns, for instance `Y_{YY_2} = Y_{ZZ_1} - Y_{XX_2}`."""
     names = column_names(base, style)
     sums = column_sums(base, names, style)
     return tuple(f"{names[k]} = {right}" for k, right in zip(base.removed, sums, strict=True))
 
 
 def column_names(base: BaseParameters, style: Style = "text") -> list[str]:
-    """Name that the column of each standard parameter has in formulas, for instance `Y_{YY_2}`."""
+    """Name of the column of each standard parameter as used in formulas, for instance `Y_{YY_2}`."""
     return [f"Y_{{{_WRITERS[style](name)}}}" for name in base.standard_names]
 
 

@@ -27,18 +27,18 @@ from armid.robot.robot import Robot
 from armid.threads import one_blas_thread
 
 TERM_FLOOR = 1e-9
-"""Size below which a coefficient between columns of unit length, computed at random states, is rounding. Rounding
-errors are 1e-16 times a condition number, which is below 1e5 for arms."""
+"""Absolute value below which a coefficient that expresses one column by others, all scaled to unit length, is a
+rounding error. Rounding errors are 1e-16 times a condition number, which is below 1e5 for arms."""
 
 REGROUPING_TOLERANCE = 1e-8
 """Largest allowed entry of Y - Y_base · regrouping, divided by the largest entry of Y, with lengths in units of the
-arm size. It is ten times the tolerance of the structure (`SPAN_TOLERANCE`). A wrong regrouping gives a far larger
-error."""
+arm size. It is ten times `SPAN_TOLERANCE`, the tolerance in the analysis of the geometry. A wrong regrouping gives a
+far larger error."""
 
 RANK_TOLERANCE = 1e-11
 """Smallest ratio of the smallest to the largest singular value of the base columns, scaled to unit length, that
-counts as full rank. The ratio is 1e-4 or more for real geometry, 1e-9 if the structure has kept a direction just
-above its tolerance, and 1e-15 if the structure is wrong."""
+counts as full rank. The ratio is 1e-4 or more for real geometry, 1e-9 if the analysis of the geometry has kept a
+direction just above its tolerance, and 1e-15 if the base parameters are wrong."""
 
 ZERO_COLUMN = 1e-13
 """Ratio of the length of a column to the length of the longest column below which the column counts as zero."""
@@ -48,12 +48,12 @@ RANDOM_BOUNDS = (np.pi, 2.0, 4.0)
 With them, gravity, centrifugal and inertial torques have a similar size."""
 
 RANDOM_SPEEDS = (1e-4, 10.0)
-"""Range of velocities [rad/s or m/s] of further random states, distributed uniformly in the logarithm. These states
+"""Range of the speeds [rad/s or m/s] of further random states, distributed uniformly in the logarithm. These states
 are used for laws that are nonlinear in the velocity. The range includes Stribeck velocities of 0.001 and knots of
 10."""
 
 LINEAR = frozenset({"add", "mul", "sign", "abs"})
-"""Functions of expressions that contain no characteristic velocity, unlike tanh or exp."""
+"""Functions in expressions that have no characteristic velocity, in contrast to tanh or exp."""
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -104,7 +104,7 @@ class BaseParameters(Displayed):
 
     @property
     def names(self) -> tuple[ParameterName, ...]:
-        """Usual names; the letter R, as in `ZZR_1`, marks a parameter into which other parameters are regrouped."""
+        """Usual names; the letter R, as in `ZZR_1`, marks a parameter to which others have been added."""
         return tuple(
             self.standard_names[k].regrouped() if np.count_nonzero(row) > 1 else self.standard_names[k]
             for k, row in zip(self.kept, self.regrouping, strict=True)
@@ -180,10 +180,10 @@ def _find(model: DynamicsModel) -> BaseParameters:
 
 
 def _columns(model: DynamicsModel, count: int, seed: int) -> Array:
-    """Regressor (rows, p) at random states, with enough rows to find the rank of `count` columns.
+    """Regressor (rows, p) at random states, with enough rows to determine the rank of `count` columns.
 
-    If a law needs the load and the model has no load parameters yet, random load parameters are used, because their
-    values do not affect the dependence of the columns.
+    If a law depends on the load and the model has no load parameters yet, random load parameters are used, because
+    their values do not affect the dependence of the columns.
     """
     rng = np.random.default_rng(seed)
     shape = (10 + 3 * count // model.n, model.n)

@@ -11,7 +11,7 @@ from armid.robot.robot import Robot
 
 
 def described_torque(robot: Robot) -> tuple[DynamicsModel, Array] | None:
-    """Dynamics model of the values in a description, with its standard parameters (p,).
+    """Dynamics model of a robot description, with the standard parameters (p,) that the description gives.
 
     The model contains the links and, as far as the description gives them, rotor inertia and friction. The parameters
     of links of unknown inertia are zero. The result is `None` if the description has no inertial parameters.
@@ -38,7 +38,7 @@ def described_torque(robot: Robot) -> tuple[DynamicsModel, Array] | None:
 
 
 def described_drives(robot: Robot) -> dict[str, Array]:
-    """Rotor inertia, viscous and Coulomb friction of the description, (n,) each, by the name of the torque term."""
+    """Rotor inertia, viscous and Coulomb friction in a description: for each name of a torque term, values (n,)."""
     drives = [joint.drive for joint in robot.joints]
     return {
         RotorInertia.name: np.array([drive.rotor_inertia for drive in drives]),
@@ -57,7 +57,7 @@ joints."""
 
 
 def described_torque_text(robot: Robot) -> str:
-    """Sentence with the values of the description from which the torque is computed."""
+    """Sentence that lists the values of a description with which the torque is computed."""
     parts: list[str] = []
     for term, values in described_drives(robot).items():
         name, units = DRIVE_TERMS[term]

@@ -59,7 +59,7 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TermColumns:
-    """Regressor columns of the torque terms except rigid bodies, each for the row of one joint.
+    """Regressor columns of all torque terms except rigid bodies; each belongs to the row of one joint.
 
     Attributes:
         joint: Index of the joint (row of the regressor) of each column, shape (e,).
@@ -180,22 +180,25 @@ class DynamicsModel(Displayed):
         return tuple(found.values())
 
     def remember(self, motion: Motion) -> Motion:
-        """Adds the states of all hysteresis elements (`nodes`) to a motion, one contiguous run at the full rate."""
+        """Adds the hysteresis states of the model to a motion, one contiguous run at the full sampling rate."""
         return self.remembered(motion)[0] if self.nodes else motion
 
     def remembered(self, motion: Motion) -> tuple[Motion, NDArray[np.int64]]:
-        """Motion with its hysteresis states, and the first sample at which each node's state is known, shape (m,).
+        """Motion with its hysteresis states, and the first sample from which each state is known, shape (m,).
 
-        A state is known from the first sample at which it no longer depends on its unknown initial value. The index
-        of this sample is N if the state always depends on it. Before this sample, the middle of the possible range of
-        the state is returned.
+        A state is known from the first sample at which it no longer depends on its unknown initial value. If it
+        depends on this value at all samples, the index is N. At earlier samples, the state is the middle of its
+        possible range.
         """
         self._check(motion)
         states, known = kernel.play(*self._driven(motion.q), np.array([node.memory.width for node in self.nodes]))
         return motion.with_memory(states), known
 
     def _driven(self, q: Array) -> tuple[Array, NDArray[np.int32]]:
-        """Coordinates (N, k) that drive the nodes (joints, then combinations), and the coordinate of each node."""
+        """Coordinates that drive the nodes, shape (N, k), and the index of the coordinate of each node, shape (m,).
+
+        The first n coordinates are the joint positions, the others are combinations of joint positions.
+        """
         columns = {((j, 1.0),): j for j in range(self.n)}
         combined = [node.coordinate for node in self.nodes if node.coordinate not in columns]
         columns |= {coordinate: self.n + k for k, coordinate in enumerate(dict.fromkeys(combined))}
@@ -204,11 +207,11 @@ class DynamicsModel(Displayed):
         return np.column_stack([q, *more]) if more else q, follows
 
     def term_columns(self, motion: Motion, kept: NDArray[np.integer] | None = None) -> TermColumns:
-        """Columns of all torque terms except rigid bodies along a motion; if given, only columns with indices `kept`.
+        """Columns of all torque terms except rigid bodies along a motion, or of those with the indices `kept`.
 
         Raises:
-            ModelError: A law has hysteresis, but the motion has no hysteresis states; or a law depends on an unknown
-                load.
+            ModelError: A law has hysteresis, but the motion has no hysteresis states; or a law depends on the load,
+                but the model has no load parameters.
         """
         entries = self.entries if kept is None else [self.entries[e] for e in kept]
         values = np.empty((len(entries), motion.samples))
@@ -255,7 +258,7 @@ class DynamicsModel(Displayed):
         return motion.memory
 
     def _environment(self, law: Law, of_joints: dict[str, Array]) -> dict[str, Array]:
-        """Values of the symbols of a law: position, velocity, … of its coordinate, and its hysteresis state."""
+        """Values of the symbols in a law, (N,) each: position, velocity, … of its coordinate, hysteresis state."""
 
         def combined(x: Array) -> Array:
             parts = [x[j] if w == 1.0 else w * x[j] for j, w in law.coordinate]
@@ -339,10 +342,10 @@ class DynamicsModel(Displayed):
         return kernel.potential_energy(self.tree, self._inertial(self._standard(parameters)), q)
 
     def nominal_parameters(self) -> Array | None:
-        """Standard parameters (p,) with the inertial parameters of the description; all others are zero.
+        """Standard parameters (p,): inertial parameters from the description, zero for all others.
 
-        `None` if the description has no inertial parameters, or none for a link with geometry, because the torque of
-        the other links alone would be wrong.
+        The result is `None` if the description has no inertial parameters, or none for a link with geometry, because
+        the torque of the other links alone would be wrong.
         """
         inertial = self.robot.inertial_vector
         if inertial is None or not self.has_rigid_bodies or links_without_inertia(self.robot):

@@ -20,15 +20,16 @@ from armid.model.motion import Motion
 from armid.model.torque_law_expression import symbols
 
 CONVERGED = 1e-12
-"""Relative change of the acceleration at which the iteration for load-dependent friction ends: rounding of a linear
-system of a few joints."""
+"""Relative change of the acceleration below which the iteration for load-dependent friction ends: the rounding error
+of a linear system of a few joints."""
 
 DIVERGED = 1e6
-"""Ratio of the change of an iteration to the first acceleration above which the iteration has diverged."""
+"""Ratio of the change of the acceleration in an iteration to the change in the first one, above which the iteration
+has diverged."""
 
 MOST_ITERATIONS = 100
-"""Largest number of iterations for load-dependent friction. Each reduces the error by the ratio of friction to load,
-which is about 0.1 in gears, so that 12 iterations are usual."""
+"""Largest number of iterations for load-dependent friction. Each one reduces the error by the ratio of friction to
+load, which is about 0.1 in gears, so 12 iterations are usual."""
 
 
 def bias_torque(model: DynamicsModel, q: ArrayLike, dq: ArrayLike, parameters: ArrayLike) -> Array:
@@ -50,10 +51,10 @@ def bias_torque(model: DynamicsModel, q: ArrayLike, dq: ArrayLike, parameters: A
 
 
 def forward_dynamics(model: DynamicsModel, motion: Motion, torque: ArrayLike, parameters: ArrayLike) -> Array:
-    """Joint accelerations that a torque causes, with friction, shape (N, n) [rad/s² or m/s²].
+    """Joint accelerations that a joint torque causes against inertia and friction, shape (N, n) [rad/s² or m/s²].
 
     The mass matrix of each sample is factorised once. Friction that depends on the load of the joints depends on the
-    acceleration; it is found by iteration.
+    acceleration, so the acceleration is then found by iteration.
 
     Args:
         model: Arm and torque terms.
@@ -88,9 +89,8 @@ def forward_dynamics(model: DynamicsModel, motion: Motion, torque: ArrayLike, pa
 def slotine_li_regressor(model: DynamicsModel, motion: Motion, dq_r: ArrayLike, ddq_r: ArrayLike) -> Array:
     """Regressor Y_r with Y_r θ = M(q) q̈_r + C(q, q̇) q̇_r + g(q) + friction, shape (N, n, p) [Slotine1987].
 
-    The product C(q, q̇) q̇_r is symmetric in both velocities. So it is the difference between the products of the half
-    sum and of the half difference of the velocities, each with itself. Friction is that of the motion with the
-    accelerations q̈_r.
+    The product C(q, q̇) q̇_r is symmetric in both velocities. It is therefore computed as C(q, s) s - C(q, d) d with
+    s = (q̇ + q̇_r) / 2 and d = (q̇ - q̇_r) / 2. The friction is that of the velocities q̇ and the accelerations q̈_r.
 
     Args:
         model: Arm and torque terms.
@@ -124,6 +124,6 @@ def _factors(M: Array) -> Array:
 
 
 def _solved(factors: Array, right: Array) -> Array:
-    """Solutions x of L Lᵀ x = b for factors (N, n, n) and right sides (N, n)."""
+    """Solutions x of L Lᵀ x = b for factors L (N, n, n) and right sides b (N, n), shape (N, n)."""
     half = np.linalg.solve(factors, right[:, :, None])
     return np.asarray(np.linalg.solve(np.swapaxes(factors, 1, 2), half)[:, :, 0], dtype=np.float64)

@@ -1,7 +1,7 @@
-"""Hysteresis states of torque laws, which depend on the motion before the current sample.
+"""Operators that compute the hysteresis states of torque laws, which depend on the earlier motion.
 
 The state of a node is updated from sample to sample along a contiguous run. Its initial value is unknown. Therefore a
-state is used only from the sample on at which all possible initial values lead to the same state.
+state is used only from the first sample at which all possible initial values lead to the same state.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ Coordinate = tuple[tuple[int, float], ...]
 
 @dataclass(frozen=True, slots=True)
 class Play:
-    """Play operator: its state z is the centre of a window of half-width r that the coordinate q moves with it.
+    """Play operator: its state z is the centre of a window of half-width r, which q moves when it reaches an edge.
 
-    The initial z is unknown; it differs from q by at most r. As soon as q has moved over more than 2 r, it has moved
-    the window, and z is known.
+    The initial z is unknown; it differs from the coordinate q by at most r. As soon as q has moved over more than 2
+    r, it has moved the window, and z is known.
 
     Attributes:
         width: Half-width r of the window [rad or m].
@@ -46,7 +46,7 @@ class Play:
 
 @dataclass(frozen=True, slots=True)
 class MemoryNode:
-    """Node of a hysteresis state: an operator and the coordinate that drives it; several laws may use one node.
+    """Node of a hysteresis state: a play operator with the coordinate that drives it; several laws may share a node.
 
     Attributes:
         coordinate: Coordinate that drives the state.

@@ -18,7 +18,9 @@ cosines, are printed with 11 or 12 digits."""
 
 
 def linear_combination(row: Array, names: Sequence[str], own: int | None = None, style: Style = "text") -> str:
-    """Writes a linear combination: the leading parameter, terms with coefficients ±1, groups of equal coefficients.
+    """Writes a linear combination of named parameters or columns as a sum.
+
+    The sum begins with the parameter `own`, then come terms with coefficients ±1, then groups of equal coefficients.
 
     Args:
         row: Coefficients, shape (p,).
@@ -45,7 +47,10 @@ def linear_combination(row: Array, names: Sequence[str], own: int | None = None,
 
 
 def _group(signed: str, members: list[str], style: Style) -> str:
-    """Group of parameters with the same coefficient, for instance `+0.42 (M_4 + M_5)`."""
+    """Writes parameters with the same coefficient as one term, for instance `+0.42 (M_4 + M_5)`.
+
+    `signed` is the coefficient with its sign.
+    """
     text = " + ".join(members)
     if len(members) > 1:
         text = f"({text})"

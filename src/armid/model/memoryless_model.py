@@ -1,4 +1,4 @@
-"""Model whose hysteresis elements all slip in the direction of motion, so that it has no hysteresis states.
+"""Model without hysteresis states, in which all hysteresis elements slip in the direction of motion.
 
 Hysteresis depends on the earlier motion. As soon as a coordinate has moved by twice the width of an element, however,
 the deflection of the element is at its limit, like Coulomb friction. The torques with hysteresis and with slipping
@@ -35,7 +35,9 @@ class _Slipping:
 
 
 def slipping(model: DynamicsModel) -> DynamicsModel:
-    """Replaces hysteresis elements by elements that always slip; a model without hysteresis is returned unchanged.
+    """Replaces all hysteresis elements of a model by elements that always slip.
+
+    A model without hysteresis is returned unchanged.
 
     Args:
         model: Arm and torque terms.
@@ -50,7 +52,10 @@ def slipping(model: DynamicsModel) -> DynamicsModel:
 
 
 def _slipping(law: Law) -> Law:
-    """Law in which the state of the play operator is always one half-width behind the coordinate."""
+    """Law in which the state of the play operator is always one half-width behind the coordinate.
+
+    A law without hysteresis is returned unchanged.
+    """
     if law.memory is None:
         return law
     trailing = symbol("q") - law.memory.width * sign(symbol("dq"))

@@ -48,7 +48,7 @@ class Motion(Displayed):
 
     @classmethod
     def of_states(cls, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Motion:
-        """Motion of separate states (N, n), which are not consecutive; their times are one second apart."""
+        """Motion made of separate, not consecutive states (N, n); the sample times are set one second apart."""
         q = array(q, (None, None), "q")
         return cls(range(len(q)), q, dq, ddq)  # pyright: ignore[reportArgumentType]
 
@@ -63,7 +63,7 @@ class Motion(Displayed):
         return self.q.shape[1]
 
     def __getitem__(self, rows: slice) -> Motion:
-        """Selects samples with their hysteresis states; the arrays are not copied."""
+        """Motion at a slice of the samples, with their hysteresis states; the arrays are not copied."""
         part = object.__new__(Motion)
         for name in ("time", "q", "dq", "ddq", "memory"):
             values = getattr(self, name)
@@ -71,7 +71,7 @@ class Motion(Displayed):
         return part
 
     def with_memory(self, memory: Array) -> Motion:
-        """Adds hysteresis states (N, m); this array becomes read-only and is not copied."""
+        """Motion with the given hysteresis states (N, m); the array is not copied and becomes read-only."""
         if memory.ndim != 2 or len(memory) != self.samples or memory.dtype != np.float64:
             raise ArmidError(
                 f"memory must have shape ({self.samples}, any) and type float64; found {memory.shape} "

@@ -9,7 +9,7 @@ from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS
 from armid.model.terms.rotor_inertia import RotorInertia
 
 ROTOR = "IA"
-"""Symbol of the parameter of the torque term `RotorInertia`."""
+"""Symbol of the parameter of the torque term `RotorInertia`, the rotor inertia."""
 
 
 def count_text(names: Iterable[ParameterName]) -> str:
@@ -29,7 +29,10 @@ def count_text(names: Iterable[ParameterName]) -> str:
 
 
 def by_joint(names: Iterable[ParameterName]) -> dict[int, list[int]]:
-    """Indices of parameters by the number of their joint, ascending; number 0 for parameters without a joint."""
+    """Groups parameters by joint: for each joint number, ascending, the indices of its parameters.
+
+    Parameters without a joint have the number 0.
+    """
     groups: dict[int, list[int]] = {}
     for k, name in enumerate(names):
         groups.setdefault(name.number or 0, []).append(k)

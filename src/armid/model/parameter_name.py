@@ -6,18 +6,18 @@ import re
 from collections.abc import Iterable
 
 FORM = re.compile(r"(?P<symbol>.+?)(?P<grouped>R?)_(?P<number>\d+)(?:\[(?P<recording>\d+)\])?")
-"""Pattern of a name as text. No symbol of a torque term ends in R, so a final R marks a regrouped parameter."""
+"""Pattern of a parameter name. No symbol of a torque term ends in R, so a final R marks a regrouped parameter."""
 
 
 class ParameterName(str):
-    """Name of a parameter: a string that also knows the parts of which it is made.
+    """Name of a parameter: a string with its parts (symbol, number, recording) as attributes.
 
     Attributes:
         symbol: Symbol of the standard parameter, for instance `ZZ` for `ZZR_1`.
         number: Number of the link or joint, counted from 1; `None` if there is none.
         recording: Number of the recording to which the parameter belongs, counted from 1; `None` if it belongs to all
             recordings.
-        grouped: True if other parameters are regrouped into this one, which the letter R marks.
+        grouped: True if other parameters have been added to this one by regrouping; the name then has the letter R.
     """
 
     __slots__ = ("grouped", "number", "recording", "symbol")
@@ -37,7 +37,7 @@ class ParameterName(str):
         return name
 
     def __getnewargs__(self) -> tuple[str, int | None, int | None, bool]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Parts of the name, from which copies and pickles are created."""
+        """Arguments of `__new__` with which copies and unpickled objects are created."""
         return self.symbol, self.number, self.recording, self.grouped
 
     @classmethod
@@ -61,7 +61,7 @@ class ParameterName(str):
         return ParameterName(self.symbol, self.number, number, self.grouped)
 
     def regrouped(self) -> ParameterName:
-        """Name of the base parameter into which others are regrouped: `ZZR_1` for `ZZ_1`."""
+        """Name with the letter R, for a parameter to which others have been added: `ZZR_1` for `ZZ_1`."""
         return ParameterName(self.symbol, self.number, self.recording, True)
 
 

@@ -32,16 +32,17 @@ from armid.maths.inertia import PSEUDO_INERTIA_OF, spatial_inertia, vector_from_
 from armid.maths.rotations import homogeneous, skew
 
 SPAN_TOLERANCE = 1e-9
-"""Singular value below which a direction of a span is rounding, with lengths in units of the arm size. Geometry is
-exact to 1e-16. A direction of size s has a relative rounding error of 1e-16/s in the next joint. So for lengths of a
-millionth of the arm size there is still a margin of a factor 1000."""
+"""Singular value below which a direction of a span is a rounding error, with lengths in units of the arm size.
+Geometry is exact to 1e-16. A direction of size s has a relative rounding error of 1e-16/s in the next joint. So for
+lengths of a millionth of the arm size there is still a margin of a factor 1000."""
 
 PREFERRED_DISTANCE = 1e-4
 """Distance from the span of earlier columns above which a column is preferred to later columns. Small offsets of real
 arms are at least a hundredth of the arm size, and their square determines the distance."""
 
 COEFFICIENT_FLOOR = 1e-12
-"""Absolute value below which a coefficient of the regrouping is rounding, with lengths in units of the arm size."""
+"""Absolute value below which a coefficient of the regrouping is a rounding error, with lengths in units of the arm
+size."""
 
 _BODIES = np.array([spatial_inertia(e) for e in np.eye(10)])
 
@@ -131,7 +132,11 @@ def clean(matrix: Array, floor: float = COEFFICIENT_FLOOR) -> Array:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Joint:
-    """Transforms of a joint, as coefficients of polynomials in cos q and sin q, or in q; the constant comes first."""
+    """Transforms of velocities and inertial parameters by a joint, as coefficients of polynomials in its position q.
+
+    They are polynomials in cos q and sin q for a revolute joint, in q for a prismatic joint. The constant comes
+    first.
+    """
 
     subspace: Array  # (6,)
     velocities: Array  # X, (h, 6, 6), parent to link
@@ -140,7 +145,7 @@ class _Joint:
 
 
 def _conditions(tree: Tree, joints: list[_Joint]) -> list[Array]:
-    """Orthonormal functionals (r_i, 10) of each link through which the torque of its joint depends on the link."""
+    """For each link, orthonormal functionals (r_i, 10) of its parameters on which the torque of its joint depends."""
     nothing = np.zeros((0, 6))
     weight = np.zeros((1, 10))
     if tree.gravity.any():
@@ -169,7 +174,10 @@ def _span(rows: Array) -> Array:
 
 
 def _joint(tree: Tree, i: int, length: float) -> _Joint:
-    """Transforms of joint i; lengths are divided by the arm size `length`."""
+    """Computes the transforms of velocities and inertial parameters by joint i, with lengths divided by `length`.
+
+    `length` is the arm size [m].
+    """
     R, p, a = tree.rotation[i], tree.translation[i] / length, tree.axis[i]
     placed = homogeneous(R, p)
     if tree.prismatic[i]:
@@ -208,7 +216,10 @@ def _velocity_map(rotation: Array, shifted: Array) -> Array:
 
 
 def _block(rotation: Array, translation: Array) -> Array:
-    """Coefficient (4, 4) of a homogeneous transform; its last row is zero."""
+    """Matrix coefficient (4, 4) of a homogeneous transform that is a polynomial in the joint position.
+
+    The last row is zero.
+    """
     return np.block([[rotation, translation[:, None]], [np.zeros((1, 4))]])
 
 

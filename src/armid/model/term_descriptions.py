@@ -19,10 +19,10 @@ def describe_term(term: Term, *, prismatic: bool = False) -> str:
 
 
 def friction_of_joint(terms: Iterable[Term], joint: str, *, prismatic: bool = False) -> tuple[str, ...]:
-    """Descriptions of the torque terms that act on a joint, without repetitions.
+    """Descriptions of those torque terms that act on a joint, each listed once.
 
     Args:
-        terms: Torque terms of some or all joints.
+        terms: Torque terms, each of which acts on some or all joints.
         joint: Name of the joint.
         prismatic: True if the joint is prismatic.
     """

@@ -1,8 +1,7 @@
-"""Expressions of torque laws.
+"""Expressions of torque laws, as trees of numbers, symbols and functions.
 
-An expression gives the values of a regressor column (`evaluate`), the derivative by any symbol (`derivative`) and the
-printed forms of the law (`text`, `latex`). An expression is a number, a symbol or a function of expressions;
-`FUNCTIONS` lists the functions.
+From an expression, the values of a regressor column (`evaluate`), derivatives with respect to a symbol (`derivative`)
+and printed forms of the law (`text`, `latex`) are computed. `FUNCTIONS` lists the functions.
 """
 
 from __future__ import annotations
@@ -63,7 +62,7 @@ def number(value: Expression | float) -> Expression:
 
 
 def symbol(name: str) -> Expression:
-    """Variable: `q`, `dq`, `ddq`, `load` or `state` of the coordinate of a law, or a shape parameter."""
+    """Expression of one variable: `q`, `dq`, `ddq`, `load` or `state` of the coordinate of a law."""
     return Expression(name)
 
 
@@ -156,11 +155,11 @@ class Function:
     """Function that an expression may use.
 
     Attributes:
-        value: Function that computes the values for arrays.
-        partials: For each argument, a function that returns the partial derivative with respect to this argument, for
-            the tuple of all arguments.
-        text: Pattern of the form in plain text.
-        latex: Pattern of the LaTeX form.
+        value: Function that computes the values for arrays of the arguments.
+        partials: For each argument, a function that takes the tuple of all arguments and returns the partial
+            derivative with respect to this argument.
+        text: Format string of the form in plain text.
+        latex: Format string of the LaTeX form.
     """
 
     value: Callable[..., Any]
@@ -206,7 +205,7 @@ LATEX_SYMBOLS = {"q": "q", "dq": r"\dot{q}", "ddq": r"\ddot{q}", "load": r"\tau_
 
 
 def evaluate(expression: Expression, environment: Mapping[str, Array | float]) -> Array:
-    """Value of an expression for arrays or numbers that are given for its symbols, which are broadcast.
+    """Values of an expression for given values of its symbols; arrays are broadcast.
 
     Raises:
         ModelError: A symbol has no value in `environment`.
@@ -226,7 +225,7 @@ def evaluate(expression: Expression, environment: Mapping[str, Array | float]) -
 
 
 def derivative(expression: Expression, by: str) -> Expression:
-    """Derivative of an expression by a symbol.
+    """Derivative of an expression with respect to the symbol `by`.
 
     The derivative of `sign` is zero everywhere. At a kink, the derivative is the mean of the derivatives on both
     sides.
@@ -251,7 +250,7 @@ def symbols(expression: Expression) -> frozenset[str]:
 
 
 def functions(expression: Expression) -> frozenset[str]:
-    """Names of the functions in an expression, which are keys of `FUNCTIONS`."""
+    """Names of the functions in an expression, as in `FUNCTIONS`."""
     if not isinstance(expression.head, str) or not expression.arguments:
         return frozenset()
     return frozenset({expression.head}).union(*(functions(a) for a in expression.arguments))
@@ -276,7 +275,7 @@ def latex(expression: Expression) -> str:
 
 
 def _operands(expression: Expression, write: Callable[[Expression], str], brackets: str) -> list[str]:
-    """Arguments of an expression as text or LaTeX.
+    """Arguments of an expression, written as text or LaTeX by the function `write`.
 
     The base of a power is put in brackets if the exponent would seem to apply only to a part of it.
     """

@@ -1,10 +1,9 @@
-"""Collision check of bodies of adjacent links, whose distance depends on the position of one joint alone.
+"""Collision check of bodies of adjacent links, whose distance depends on the position of only one joint.
 
 Adjacent links are connected by a joint, so most of their bodies touch in all poses, or rotate against each other with
 a gap of constant width. Other bodies of adjacent links can collide, such as the jaws of a gripper or a forearm that
-folds onto the upper arm. One joint determines the distance of such bodies. The distance is therefore computed over
-the range of this joint, and a plan keeps the joint within the positions in which the bodies are apart. For a search
-this only means narrower position limits.
+folds onto the upper arm. The distance of such bodies is computed over the range of the joint, and a plan keeps the
+joint within the positions in which the bodies are apart. For a search this only means narrower position limits.
 """
 
 from __future__ import annotations
@@ -31,28 +30,27 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 
 STEP, FEWEST = 0.05, 60
-"""Step of the positions of a revolute joint [rad], and smallest number of positions, in which distances are
-computed."""
+"""Largest step of the positions of a revolute joint at which distances are computed [rad], and smallest number of
+steps over the range of a joint."""
 
 POSITIONS = 128
-"""Largest number of positions of a joint, over its range in a motion, in which the distance of adjacent links is
-computed."""
+"""Largest number of positions of a joint in a motion, spread over its range in the motion, at which the distance of
+adjacent links is computed."""
 
 ROUGH = 16
-"""Number of positions of a joint in which the distance of every pair is computed with its triangles, to find the
-pairs that always touch and the pairs whose distance is always the same."""
+"""Number of positions of a joint at which the distance of every pair is computed with its triangles, to find the
+pairs that always touch and the pairs whose distance is constant."""
 
 SAME = 1e-6
-"""Distances at `ROUGH` positions that differ by at most this value count as the same [m]. To compute one distance of
-detailed meshes that face each other across a gap can take a second."""
+"""Largest difference of distances at `ROUGH` positions at which they count as equal [m]. The computation of one
+distance of detailed meshes that face each other across a gap can take a second."""
 
 HALVED = 7
-"""Number of times that the step of the positions is halved, to find the position in which two bodies reach their
-required distance."""
+"""Number of bisections by which the position is found at which two bodies have their required distance."""
 
 FAVOURED = 0.85
-"""A range of positions that contains zero is preferred to the widest range if its width is at least this share of the
-widest one."""
+"""Smallest width of a range of positions that contains zero, divided by the width of the widest range, with which it
+is preferred to the widest range."""
 
 Interval = tuple[float, float]
 
@@ -83,14 +81,14 @@ class AdjacentPair:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class AdjacentLinks:
-    """Pairs of bodies of adjacent links.
+    """Pairs of bodies of adjacent links, checked and not checked.
 
     Attributes:
         checked: Pairs that a plan must keep apart.
         left_out: Pairs that are not checked: they touch in most positions, or the user has excluded them. The
             attribute `share` of a pair is the share of positions in which its bodies touch or are less than a
             millimetre apart.
-        reach: Range of each joint in which `checked` was computed, shape (n, 2) [rad or m].
+        reach: Range of each joint over which the pairs were examined, shape (n, 2) [rad or m].
         margin: Distance that the user requires [m]; the required distance of a pair may be smaller.
     """
 
@@ -100,7 +98,7 @@ class AdjacentLinks:
     margin: float = 0.0
 
     def narrowed(self, limits: Limits, start: Array | None) -> Limits:
-        """Limits with position ranges in which adjacent links stay apart: about the start pose, or the widest ones.
+        """Limits with position ranges in which adjacent links stay apart: those around the start pose, or the widest.
 
         Args:
             limits: Limits of the joints.
@@ -133,18 +131,18 @@ class AdjacentLinks:
 
 
 NO_ADJACENT = AdjacentLinks((), (), np.zeros((0, 2)))
-"""`AdjacentLinks` of an arm for which no pairs of adjacent links are checked."""
+"""`AdjacentLinks` without any pairs."""
 
 
 def adjacent_links(
     robot: Robot, shapes: Sequence[Shape], limits: Limits, margin: float, ignored: Sequence[IgnoredBodies] = ()
 ) -> AdjacentLinks:
-    """Pairs of bodies of adjacent links, with the positions of the joint in which the two bodies are apart.
+    """Pairs of bodies of adjacent links, with the ranges of the joint position in which the two bodies are apart.
 
     The required distance is the margin, or less if the bodies are close to each other: at most half of the distance
-    that the bodies exceed in nearly all positions in which they do not touch. Pairs that touch in nearly all
-    positions, that are usually closer than a millimetre, or that are apart in less than a third of the range of the
-    joint are not checked.
+    that the bodies exceed in nearly all positions in which they do not touch. Pairs are not checked if they touch in
+    nearly all positions, if they are usually closer than a millimetre, or if they are apart in less than a third of
+    the range of the joint.
 
     Args:
         robot: The arm.
@@ -189,7 +187,7 @@ def adjacent_links(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _AdjacentBodies:
-    """Two bodies of adjacent links and the joint between these links. All other joints rest in a fixed pose."""
+    """Two bodies of adjacent links and the joint between these links; all other joints rest in a fixed pose."""
 
     robot: Robot
     shapes: tuple[Shape, ...]
@@ -208,11 +206,14 @@ class _AdjacentBodies:
         return distances(self.shapes, np.array([self.bodies]), self.poses(q))[:, 0]
 
     def clear(self, q: Array, kept: float) -> NDArray[np.bool_]:
-        """Tests whether the bodies keep the distance `kept` [m] at joint positions (k,); faster than `apart`."""
+        """Mask (k,) of the joint positions (k,) at which the bodies keep the distance `kept` [m].
+
+        It is faster than `apart`.
+        """
         return ~too_close(self.shapes, np.array(self.bodies), kept, self.poses(q))
 
     def clear_at_all_angles(self, kept: float) -> bool:
-        """Tests whether profiles prove that two meshes keep a distance [m] at all angles of a revolute joint."""
+        """Checks whether the profiles of two meshes prove that they keep a distance [m] at all joint angles."""
         shapes = [self.shapes[k] for k in self.bodies]
         joint = self.robot.joints[self.joint]
         if joint.is_prismatic or any(shape.kind != "mesh" for shape in shapes):
@@ -233,13 +234,13 @@ class _AdjacentBodies:
 
 
 def adjacent_ranges(robot: Robot, adjacent: AdjacentLinks, limits: Limits, narrowed: Limits) -> tuple[Finding, ...]:
-    """Finding that names joints whose range is narrowed, because adjacent links are too close in the rest of it.
+    """Finding that names joints whose position range is narrowed to keep adjacent links apart.
 
     Args:
         robot: The arm.
         adjacent: Pairs of adjacent links.
-        limits: Limits of the joints before the reduction.
-        narrowed: Limits with narrowed positions.
+        limits: Limits of the joints before the ranges were narrowed.
+        narrowed: Limits of the joints with narrowed position ranges.
     """
     parts: list[str] = []
     for j, joint in enumerate(robot.joints):
@@ -278,12 +279,12 @@ def spread_positions(q: Array, count: int = POSITIONS) -> NDArray[np.intp]:
 def _judged(
     looked: _AdjacentBodies, q: Array, bound: Array, margin: float, label: BodyPair
 ) -> AdjacentPair | IgnoredPair:
-    """Pair with its required distance and free positions, or with the reason why the pair is not checked.
+    """Decides whether a pair is checked: the pair with required distance and free positions, or the reason why not.
 
     Args:
         looked: The two bodies.
         q: Positions of the joint, shape (k,) [rad or m].
-        bound: Lower bounds of the distance at these positions, shape (k,) [m].
+        bound: Lower bounds of the distance of the bodies at these positions, shape (k,) [m].
         margin: Largest required distance [m].
         label: Names of the bodies.
     """
@@ -321,7 +322,11 @@ def _judged(
 
 
 def _intervals(is_clear: Callable[[float], bool], q: Array, clear: NDArray[np.bool_]) -> tuple[Interval, ...]:
-    """Ranges of a joint's position in which two bodies keep their required distance; ends found by bisection."""
+    """Ranges of a joint's position in which two bodies keep their required distance.
+
+    `clear` is the mask of the positions `q` (k,) at which they keep it. The ends of the ranges are found by
+    bisection.
+    """
 
     def end(inside: float, outside: float) -> float:
         for _ in range(HALVED):
@@ -340,7 +345,7 @@ def _intervals(is_clear: Callable[[float], bool], q: Array, clear: NDArray[np.bo
 
 
 def _common(free: Sequence[Interval], pairs: Sequence[AdjacentPair]) -> list[Interval]:
-    """Intersection of given ranges of a joint's position with the free ranges of all pairs."""
+    """Intersection of the ranges `free` of a joint's position with the free ranges of all pairs."""
     found = list(free)
     for each in pairs:
         shared = [(max(a, c), min(b, d)) for a, b in found for c, d in each.free]
@@ -356,7 +361,7 @@ def _widest(free: Sequence[Interval]) -> Interval:
 
 
 def _with_room(checked: Sequence[AdjacentPair], left_out: Sequence[IgnoredPair], reach: Array) -> AdjacentLinks:
-    """Leaves out pairs of adjacent links that, with other pairs, leave a joint less than a third of its range."""
+    """Leaves out pairs that, together with other pairs, would leave a joint less than a third of its range."""
     kept: list[AdjacentPair] = []
     others = list(left_out)
     for each in sorted(checked, key=lambda pair: min(low - high for low, high in pair.free)):

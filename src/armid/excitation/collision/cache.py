@@ -23,7 +23,7 @@ LARGEST = 200_000_000
 """Largest total size of all cache entries [bytes]. The hulls of a humanoid robot take some megabytes."""
 
 LEFT_BEHIND = 86_400.0
-"""Age [s] from which a temporary file is removed: the process that wrote it was ended before it renamed the file."""
+"""Age above which a temporary file is removed [s]: the process that wrote it has ended before it renamed the file."""
 
 Arrays = Mapping[str, NDArray[np.generic]]
 
@@ -40,7 +40,7 @@ def cache_folder() -> Path | None:
 
 
 def read_entry(name: str) -> dict[str, NDArray[np.generic]] | None:
-    """Reads the cache entry with a given name; `None` if there is none that can be read."""
+    """Reads the cache entry with a given name; `None` if it does not exist or cannot be read."""
     folder = cache_folder()
     if folder is None:
         return None
@@ -74,7 +74,10 @@ def write_entry(name: str, arrays: Arrays) -> None:
 
 
 def _prune(folder: Path, newest: str) -> None:
-    """Removes the least recently used cache entries until their total size is at most `LARGEST`; keeps the newest."""
+    """Removes the least recently used cache entries until their total size is at most `LARGEST`.
+
+    The entry `newest` is not removed.
+    """
     found: list[tuple[float, int, Path]] = []
     for path in folder.glob("*.npz"):
         with suppress(OSError):  # another process was faster

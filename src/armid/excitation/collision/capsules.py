@@ -22,26 +22,27 @@ from armid.robot.shapes import Shape, capsule_between, rotation_with_z
 Made = TypeVar("Made")
 
 SLABS = 4
-"""Largest number of slices of a body."""
+"""Largest number of slices into which a body is cut."""
 
 WORTH = 0.8
-"""Additional slices are used if they reduce the total volume of the capsules or hulls below this share of the volume
-before."""
+"""Ratio of the total volume of capsules or hulls with more slices to the volume with fewer slices, below which more
+slices are used."""
 
 THIN = 1e-6
 """Smallest radius of a capsule [m]."""
 
 FACES = np.array([[0, 1, 3], [0, 3, 2], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 4],
                   [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 3, 7], [1, 7, 5]])  # fmt: skip
-"""Indices of the corners of the triangles of a box; in the order of the corners, z changes fastest."""
+"""Indices of the three corners of each triangle of a box, shape (12, 3); in the order of the corners, z changes
+fastest."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Points:
-    """Points of a body or of one slice of a body.
+    """Points of a body or of a slice of a body, with weights.
 
     Attributes:
-        at: Positions, shape (v, 3) [m].
+        at: Positions of the points, shape (v, 3) [m].
         count: Number of triangles that use each point, shape (v,). This number is the weight of the point in the
             computation of the principal axes.
     """
@@ -51,7 +52,8 @@ class Points:
 
 
 Cuts = tuple[tuple[tuple[Points, ...], ...], ...]
-"""The whole body, then the body cut into two, three and more slices; each cut is made in several directions."""
+"""A whole body, then the body cut into two, three and more slices; each number of slices is tried in several
+directions."""
 
 
 def covering(shape: Shape) -> tuple[Shape, ...]:
@@ -104,10 +106,12 @@ def cuts_of(corners: Array, faces: NDArray[np.intp]) -> Cuts:
 
 
 def smallest(cuts: Cuts, make: Callable[[Points], Made], volume: Callable[[Made], float]) -> tuple[Made, ...]:
-    """Bounding volumes of a body; the number of slices is increased as long as this clearly reduces the total volume.
+    """Bounding volumes of the slices of a body, with the number of slices that gives a small total volume.
+
+    The number of slices is increased as long as this clearly reduces the total volume.
 
     Args:
-        cuts: The body, cut by `cuts_of`.
+        cuts: The body and its slices, from `cuts_of`.
         make: Function that computes the bounding volume of points.
         volume: Function that computes the volume of a bounding volume.
 
@@ -127,7 +131,7 @@ def smallest(cuts: Cuts, make: Callable[[Points], Made], volume: Callable[[Made]
 
 
 def _slabs(whole: Points, faces: NDArray[np.intp], direction: Array, slabs: int) -> list[Points]:
-    """Points of the slices of a body between equally spaced parallel planes."""
+    """Points of the slices of a body between `slabs + 1` equally spaced parallel planes."""
     corners, height = whole.at, whole.at @ direction
     planes = np.linspace(height.min(), height.max(), slabs + 1)
     heights = height[faces]
@@ -152,7 +156,7 @@ def _slabs(whole: Points, faces: NDArray[np.intp], direction: Array, slabs: int)
 
 
 def around(name: str, part: Points, outer: Array) -> Shape:
-    """Smallest of three capsules around points, one along each principal axis, in the frame of the points.
+    """Smallest of three capsules that enclose points, one along each principal axis, in the frame of the points.
 
     Args:
         name: Name of the capsule.

@@ -2,10 +2,10 @@
 
 The search and the certificate of a plan use capsules and hulls. This module computes the distance of every pair
 again, pose by pose. Primitive shapes (sphere, box, capsule) are represented exactly. A cylinder is enclosed in a
-prism. A mesh is cut into slices; it is replaced by the convex hulls of the slices, which together contain the mesh.
-For the few pairs whose hulls overlap although the bodies do not, the triangles of the meshes are used. The distance
-of adjacent links depends only on the joint between them; it is therefore computed for positions of this joint.
-Preflight pages and the exit code of `armid excite` report these distances.
+prism. A mesh is cut into slices and replaced by the convex hulls of the slices, which together contain the mesh. For
+the few pairs whose hulls overlap although the bodies do not, the triangles of the meshes are used. The distance of
+adjacent links depends only on the joint between them; it is therefore computed for positions of this joint. Preflight
+pages and the exit code of `armid excite` report these distances.
 """
 
 from __future__ import annotations
@@ -28,34 +28,35 @@ RATE = 250.0
 """Rate of the poses of a motion in which distances of bodies are computed [Hz]."""
 
 EVERY = 5
-"""Stride of the poses in which distances are computed first. Then the poses next to the closest one are added. For
-pairs that are measured by their triangles, all poses in which the required distance is not kept are added."""
+"""Stride of the poses in which distances are computed first; then the poses next to the closest one are added. For
+pairs whose distance is computed with their triangles, all poses in which the required distance is not kept are
+added."""
 
 FIRST = 8
 """Number of poses with the closest capsules, in which distances are computed before all other poses."""
 
 NEAR = 0.05
-"""A pair is tested for a constant distance if the lower bound of its distance is below this value [m]. Pairs that are
-further apart are not tested, because lists show the closest pairs first."""
+"""Lower bound of the distance of a pair below which it is tested whether its distance is constant [m]. Pairs that are
+further apart are not tested, because lists name the closest pairs first."""
 
 CONSTANT = 3e-3
-"""Largest change of a distance that counts as constant [m]. If the real distance of two neighbouring links is
+"""Largest change of a distance at which it counts as constant [m]. If the real distance of two neighbouring links is
 constant, the distance of their hulls changes by up to 2.5 mm (measured at the wrist of the robot TIAGo)."""
 
 MOMENTS = 24
-"""Number of poses of a motion in which a pair is tested for a constant distance. If the distance is constant in these
-poses, random poses in the whole range of the joints are tested, too, because a motion may stay in a region in which
-the distance hardly changes."""
+"""Number of poses of a motion in which it is tested whether the distance of a pair is constant. If it is, random
+poses in the whole range of the joints are tested, too, because a motion may stay in a region in which the distance
+hardly changes."""
 
 RANDOM = 100
-"""Number of random poses in which a pair is tested for a constant distance."""
+"""Number of random poses in which it is tested whether the distance of a pair is constant."""
 
 CLOSER = 16
-"""Number of additional positions of a joint, next to the position with the smallest distance, in which the distance
-of adjacent links is computed."""
+"""Number of additional positions of a joint, around the position with the smallest distance, at which the distance of
+adjacent links is computed."""
 
 ROUNDING = 1e-6
-"""Tolerance [m] for the difference between the iterative distances of Coal and the distances that certify a plan."""
+"""Tolerance in comparisons of the iterative distances of Coal with distances that certify a plan [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +68,7 @@ class ClosestApproach:
         distance: Smallest distance between the two bodies [m]; negative if they overlap.
         time: Time of the closest approach [s].
         required_distance: Required distance [m].
-        measured: Representation with which the distance was computed: `bodies`, `hulls` or `triangles`.
+        measured: Representation of the bodies with which the distance was computed: `bodies`, `hulls` or `triangles`.
         constant: True if the distance is small and changes by at most 3 mm in the motion and in random poses.
             Neighbouring links that rotate against each other with a narrow gap are an example.
     """
@@ -81,14 +82,14 @@ class ClosestApproach:
 
     @property
     def is_sufficient(self) -> bool:
-        """Tests whether the smallest distance is at least the required distance."""
+        """True if the smallest distance is at least the required distance, except for rounding."""
         return self.distance >= self.required_distance - ROUNDING
 
 
 def closest_approaches(
     collision: CollisionOptions, robot: Robot, times: Array, q: Array
 ) -> tuple[ClosestApproach, ...]:
-    """Closest approach of every checked pair of bodies along a motion, nearest first; constant distances come last.
+    """Closest approach of every checked pair of bodies along a motion, nearest first; constant distances last.
 
     Args:
         collision: Pairs of bodies that must be kept apart.
@@ -123,9 +124,11 @@ class AdjacentDistances:
     """Distances of two bodies of adjacent links over the range of the joint between them.
 
     Attributes:
-        which: Indices of the poses, in ascending order of the joint's positions, shape (k,).
+        which: Indices of the poses in which the distance was computed, in ascending order of the joint's positions,
+            shape (k,).
         distance: Distances in these poses, shape (k,) [m].
-        by_hulls: True if the distances of the convex hulls of meshes were computed, because the hulls are far apart.
+        by_hulls: True if the distances are those of convex hulls of meshes, which are used if the hulls are far
+            apart.
     """
 
     which: NDArray[np.intp]
@@ -133,12 +136,12 @@ class AdjacentDistances:
     by_hulls: bool
 
     def is_constant(self, collision: CollisionOptions, pair: AdjacentPair, anywhere: tuple[Array, Array]) -> bool:
-        """Tests whether the distance of a pair is small and equal in all poses, as the gap at a joint is.
+        """Checks whether the distance of a pair is small and constant, as the gap at a joint is.
 
         Args:
             collision: Pairs of bodies that must be kept apart.
-            pair: The two bodies whose distances these are.
-            anywhere: Random poses from `random_poses`.
+            pair: The two bodies to which the distances belong.
+            anywhere: Random poses from `random_poses`, in which the distance is compared, too.
         """
         if len(self.which) < 2 or np.ptp(self.distance) > CONSTANT or self.distance.min() >= NEAR:
             return False
@@ -208,7 +211,7 @@ def constant_distances(
 ) -> Array:
     """Distances of pairs of links that are built close to each other and keep the same distance in all poses.
 
-    A distance counts as constant if it changes by `CONSTANT` at most, in the motion and in random poses. Three cases
+    A distance counts as constant if it changes by at most `CONSTANT`, in the motion and in random poses. Three cases
     are not counted: distances below the required one, distances to the surroundings, and the case that all distances
     are constant because the arm hardly moves.
 
@@ -248,7 +251,7 @@ def constant_distances(
 def _least(
     collision: CollisionOptions, pair: NDArray[np.intp], bound: Array, poses: tuple[Array, Array]
 ) -> tuple[float, int]:
-    """Smallest distance [m] of the convex parts of two bodies, and index of its pose.
+    """Smallest distance [m] of the convex parts of two bodies, and index of the pose in which it occurs.
 
     Args:
         collision: Pairs of bodies that must be kept apart.
@@ -279,7 +282,7 @@ def _least(
 def _by_triangles(
     collision: CollisionOptions, pair: NDArray[np.intp], kept: float, poses: tuple[Array, Array]
 ) -> tuple[float, int]:
-    """Smallest distance [m] of two bodies, computed with their triangles, and index of its pose.
+    """Smallest distance [m] of two bodies, computed with their triangles, and index of the pose in which it occurs.
 
     The distance is computed in every 25th pose and in all poses in which it is below the required one, `kept` [m].
     """

@@ -1,4 +1,4 @@
-"""Distances of bodies and of convex bodies around them, computed with Coal (extra `collision`).
+"""Distances of bodies, and of convex bodies around them, computed with Coal (extra `collision`).
 
 Coal is much slower than the capsules of armid. Distances of the bodies themselves are therefore computed only after a
 plan is finished. Distances of convex bodies (`armid.excitation.collision.hull_distances`) are computed only for
@@ -24,7 +24,7 @@ from armid.robot.collada_unit import collada_unit
 from armid.robot.shapes import Shape
 
 Parts = Callable[[Shape], Sequence[Any]]
-"""Function that gives the Coal geometries that represent a body, in the frame of the body."""
+"""Function that returns the Coal geometries that represent a body, in the frame of the body."""
 
 
 Tell = Callable[[str], None]
@@ -34,7 +34,7 @@ _tell: ContextVar[Tell] = ContextVar("_tell", default=lambda path: None)
 
 @contextmanager
 def telling_of_meshes(tell: Tell) -> Generator[None]:
-    """Context in which a function is called with the path of each mesh before the mesh is read."""
+    """Context manager in which the function `tell` is called with the path of each mesh before the mesh is read."""
     token = _tell.set(tell)
     try:
         yield
@@ -43,10 +43,10 @@ def telling_of_meshes(tell: Tell) -> Generator[None]:
 
 
 def _coal() -> Any:
-    """The module coal, imported at the first use.
+    """Returns the module coal, which is imported on first use.
 
     Raises:
-        MissingExtraError: It is not installed.
+        MissingExtraError: Coal is not installed.
     """
     try:
         return import_module("coal")
@@ -55,7 +55,7 @@ def _coal() -> Any:
 
 
 def stamp(path: str) -> tuple[int, int]:
-    """Size and modification time of a file, from which a change is detected; zeros if the file does not exist."""
+    """Size and modification time of a file, by which a change of the file is detected; zeros if it does not exist."""
     try:
         about = os.stat(path)
     except OSError:
@@ -65,7 +65,7 @@ def stamp(path: str) -> tuple[int, int]:
 
 @lru_cache(maxsize=64)
 def _mesh(path: str, scale: tuple[float, float, float], _stamp: tuple[int, int]) -> Any:
-    """Triangle mesh of a file, in metres.
+    """Reads the triangle mesh in a file, in metres; the result is cached.
 
     Raises:
         ArmidError: Coal cannot read the file, or its unit of length is invalid.
@@ -82,13 +82,13 @@ def _mesh(path: str, scale: tuple[float, float, float], _stamp: tuple[int, int])
 
 
 def mesh_triangles(shape: Shape) -> Array:
-    """Triangles of a mesh in the frame of the mesh, shape (t, 3, 3) [m]."""
+    """Corners of the triangles of a mesh in the frame of the mesh, shape (t, 3, 3) [m]."""
     corners, faces = mesh_faces(shape)
     return corners[faces]
 
 
 def mesh_faces(shape: Shape) -> tuple[Array, NDArray[np.intp]]:
-    """Corners (v, 3) [m] of a mesh in its own frame, and indices of the three corners of each triangle, shape (t, 3).
+    """Corners (v, 3) [m] of a mesh in its own frame, and indices (t, 3) of the three corners of each triangle.
 
     The corners of a triangle are ordered counter-clockwise as seen from outside, also if the scale mirrors the mesh.
     """
@@ -99,7 +99,7 @@ def mesh_faces(shape: Shape) -> tuple[Array, NDArray[np.intp]]:
 
 @lru_cache(maxsize=64)
 def _faces(path: str, scale: tuple[float, float, float], written: tuple[int, int]) -> tuple[Array, NDArray[np.intp]]:
-    """Corners and triangles as given by `mesh_faces`; cached, because Coal returns one triangle at a time."""
+    """Corners and triangles as `mesh_faces` returns them; cached, because Coal returns one triangle at a time."""
     mesh = _mesh(path, scale, written)
     faces = (mesh.tri_indices(k) for k in range(mesh.num_tris))
     index = np.array([(face[0], face[1], face[2]) for face in faces], dtype=np.intp).reshape(-1, 3)
@@ -125,7 +125,7 @@ def geometry(shape: Shape) -> Any:
 
 
 def version() -> str:
-    """Version of Coal."""
+    """Version of the installed Coal."""
     return str(_coal().__version__)
 
 
@@ -164,7 +164,10 @@ def apart(body: Any, points: Array) -> Array:
 
 
 def _placed(shape: Shape, poses: tuple[Array, Array]) -> list[Any]:
-    """Placements of a body along a motion with rotations (N, n, 3, 3) and origins (N, n, 3) of the links."""
+    """Placements of a body as transforms of Coal, one for each pose of a motion.
+
+    A pose is given by the rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
+    """
     transform = _coal().Transform3s
     turn, place = shape.placement[:3, :3], shape.placement[:3, 3]
     R, p = poses
@@ -175,14 +178,17 @@ def _placed(shape: Shape, poses: tuple[Array, Array]) -> list[Any]:
 
 
 def whole(shape: Shape) -> tuple[Any, ...]:
-    """Coal geometry of a whole body, in a tuple of length one, for the argument `parts` of `distances`."""
+    """Coal geometry of a whole body, as a tuple of length one; for the argument `parts` of `distances`."""
     return (geometry(shape),)
 
 
 def _measured(
     shapes: Sequence[Shape], parts: Parts, pairs: NDArray[np.intp], poses: tuple[Array, Array]
 ) -> Iterator[tuple[int, int, float, Any]]:
-    """Yields index of pair, index of pose, distance [m] and Coal's result for any two parts of a pair in a pose."""
+    """Yields the distance of each two parts of a pair of bodies in each pose.
+
+    Each item consists of index of the pair, index of the pose, distance [m] and result of Coal.
+    """
     coal = _coal()
     used = np.unique(pairs).tolist()
     of = {k: parts(shapes[k]) for k in used}
@@ -247,16 +253,16 @@ def nearest(
 def too_close(
     shapes: Sequence[Shape], pair: NDArray[np.intp], margin: float, poses: tuple[Array, Array]
 ) -> NDArray[np.bool_]:
-    """Tests whether two bodies are closer than a margin [m] in each pose; this is faster than `distances`.
+    """Mask of the poses in which two bodies are closer than a margin, shape (N,); faster than `distances`.
 
     Args:
         shapes: Bodies.
         pair: Indices of the two bodies, shape (2,).
-        margin: Distance to compare with [m].
+        margin: Distance with which the distance of the bodies is compared [m].
         poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
 
     Returns:
-        True for each pose in which the bodies are too close, shape (N,).
+        Mask of the poses in which the bodies are too close, shape (N,).
     """
     coal = _coal()
     one, other = (shapes[int(k)] for k in pair)

@@ -32,29 +32,29 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 
 LOOKED = 3000
-"""Number of random poses in which distances are computed, to find the pairs of bodies that are never close. The
-search ignores such pairs."""
+"""Number of random poses in which distances are computed, to find the pairs of bodies that are never close. A search
+ignores such pairs."""
 
 TRIED = 300
 """Number of random poses in which distances of the bodies or of tighter convex hulls are computed."""
 
 NEAR = 0.08
-"""A pair takes part in the search if its excess distance in any random pose is below this value [m]."""
+"""Excess distance of a pair in its closest random pose below which the pair takes part in the search [m]."""
 
 WIDE = 0.1
-"""Hulls are used for a pair if the share of random poses that they exclude is smaller by at least this value than the
-share that its capsules exclude."""
+"""Smallest difference, for which hulls are used for a pair, between the share of random poses that its capsules
+exclude and the share that its hulls exclude."""
 
 HALF_STEP, CERTIFICATE = 0.0005, 0.003
-"""Half a step of the certificate's grid [s], and a bound [m]. The search keeps an additional distance: the distance
-by which bodies can approach each other in this time at the velocity limits, but at most the bound. The certificate
-then need not reduce the amplitudes of the plan."""
+"""Half a step of the certificate's grid [s], and a bound [m]. A search keeps an additional distance: the distance by
+which bodies can approach each other in this time at the velocity limits, but at most the bound. The certificate then
+need not reduce the amplitudes of the plan."""
 
 SPARED = 0.9
-"""Largest additional distance of the search, divided by the excess distance of the pair in the start pose."""
+"""Largest additional distance that a search keeps, divided by the excess distance of the pair in the start pose."""
 
 FARTHEST, ALLOWED = 0.5, 0.05
-"""Largest allowed `--clearance`, divided by the reach of the arm; and a `--clearance` [m] that is always allowed."""
+"""Largest allowed `--clearance`, divided by the reach of the arm; and a `--clearance` that is always allowed [m]."""
 
 ROUNDING = 1e-9
 """Tolerance of comparisons of distances [m]."""
@@ -65,16 +65,17 @@ class CollisionOptions:
     """Pairs of bodies that a plan must keep apart.
 
     Attributes:
-        searched: Pairs that can come close to each other, for the search; `None` if there are none.
-        every: All pairs that are checked with bounding volumes, for the certificate.
-        skipped: Pairs that are not checked, without the pairs of adjacent links.
+        searched: Constraint channel of the pairs that can come close to each other, for the search; `None` if there
+            are none.
+        every: Constraint channel of all pairs that are checked with bounding volumes, for the certificate.
+        skipped: Pairs that are not checked, except pairs of adjacent links.
         shapes: The bodies themselves, the surroundings last.
         pairs: Indices into `shapes` of the pairs of `every`, shape (m, 2).
         own: Number of shapes that belong to the arm.
         measured: Indices into `shapes` of the pairs that are checked with the bodies themselves, shape (r, 2).
         required_distances: Required distances of the pairs of `measured`, shape (r,) [m].
         left_out: Bounding volumes of the pairs of `skipped`.
-        adjacent: Pairs of adjacent links.
+        adjacent: Pairs of bodies of adjacent links.
     """
 
     searched: Clearance | None
@@ -95,7 +96,10 @@ class CollisionOptions:
 
     @property
     def clearance(self) -> float:
-        """Distance that the user requires [m]; smaller distances are required of pairs close by construction."""
+        """Distance between bodies that the user requires [m].
+
+        Pairs that are close by construction have smaller required distances.
+        """
         return self.adjacent.margin
 
     @property
@@ -104,7 +108,7 @@ class CollisionOptions:
         return self.shapes[self.own :]
 
     def clear(self, robot: Robot, q: Array) -> NDArray[np.bool_]:
-        """Tests whether all pairs keep their required distance in poses (N, n); shape (N,)."""
+        """Mask (N,) of the poses (N, n) in which all pairs keep their required distance."""
         poses = forward_kinematics(robot, q)
         result = (self.every.bodies.distances(poses) > self.every.margins).all(axis=1)
         for pair, kept in zip(self.measured, self.required_distances, strict=True):
@@ -112,7 +116,7 @@ class CollisionOptions:
         return np.asarray(result)
 
     def too_close_as_they_are(self, robot: Robot, q: Array) -> list[int]:
-        """Indices of the joints between the bodies of pairs of `measured` that are too close in any pose (N, n)."""
+        """Indices of the joints between bodies of pairs of `measured` that are too close in a pose (N, n)."""
         poses = forward_kinematics(robot, q)
         moving = (
             joints_on_path(robot, *(self.shapes[k].link for k in pair))
@@ -129,13 +133,14 @@ class CollisionModel:
     Attributes:
         robot: The arm.
         shapes: The bodies themselves, the surroundings last.
-        bodies: Capsules and solids with their pairs, and hulls for pairs whose capsules touch in most poses.
+        bodies: Bounding volumes of the bodies and their pairs: capsules and solids, and hulls for pairs whose
+            capsules touch in most poses.
         pairs: Indices into `shapes` of the pairs of `bodies`, shape (m, 2).
         required: Required distance of each pair, and the way in which the pair is checked.
         nearest: Smallest distance of each pair in many random poses, shape (m,) [m].
         touching: Share of the random poses in which each pair is closer than the required distance, shape (m,).
-        tried: Some of the random poses, shape (k, n) [rad or m].
-        ignored: Option or file with which the user excludes a pair, by the index of the pair.
+        tried: Some of the random poses, in which hulls are compared with capsules, shape (k, n) [rad or m].
+        ignored: For each pair that the user excludes, by index of the pair: the option or file that excludes it.
         adjacent: Pairs of adjacent links, which are not among `pairs`.
     """
 
@@ -153,33 +158,34 @@ class CollisionModel:
     def excess_distance(self, q: Array) -> Array:
         """Smallest excess distance of all pairs in poses (N, n), shape (N,) [m]; negative if a pair is too close.
 
-        If the result is positive, it is a lower bound.
+        The excess distance is the distance minus the required distance. A positive result is a lower bound.
         """
         return self._excess(q, self.required.margin)
 
     def search_excess_distance(self, q: Array) -> Array:
-        """Smallest difference (N,) [m] of the distance in poses (N, n) and the distance that a search requires.
+        """Smallest excess distance of all pairs for a search in poses (N, n), shape (N,) [m].
 
-        A search requires the required distance plus `required.spare`. The sign is that of `excess_distance`.
+        It is the distance of the bodies minus the distance that a search requires: the required distance plus
+        `required.spare`. It is negative if a pair is closer than that; a positive result is a lower bound.
         """
         return self._excess(q, self.required.margin + self.required.spare)
 
     def _excess(self, q: Array, required: Array) -> Array:
-        """Smallest distance minus required distance (m,), of pairs of kind `BY_CAPSULES`; shape (N,) [m]."""
+        """Smallest difference (N,) [m] of distance and `required` distance (m,), over pairs of kind `BY_CAPSULES`."""
         checked = np.flatnonzero(self.required.of(BY_CAPSULES))
         poses, required = forward_kinematics(self.robot, q), required[checked]
         found = self.bodies.only(checked).distances(poses, reach=required)
         return (found - required).min(axis=1, initial=np.inf)
 
     def apart(self, q: Array) -> NDArray[np.bool_]:
-        """Tests whether the pairs of kind `MEASURED` keep their required distance in poses (N, n), shape (N,)."""
+        """Mask (N,) of the poses (N, n) in which all pairs of kind `MEASURED` keep their required distance."""
         which = self.required.of(MEASURED)
         found = distances(self.shapes, self.pairs[which], forward_kinematics(self.robot, q))
         return np.asarray((found > self.required.margin[which]).all(axis=1))
 
     @property
     def margin(self) -> float:
-        """Required distance of pairs that are not close by construction [m]."""
+        """Largest required distance of all pairs [m], which is that of pairs that are not close by construction."""
         return float(self.required.margin.max(initial=0.0))
 
     def too_close(self, q: Array) -> NDArray[np.bool_]:
@@ -195,13 +201,13 @@ class CollisionModel:
         return self.bodies.distances(forward_kinematics(self.robot, q))
 
     def closer(self, which: NDArray[np.intp], margin: float, gain: float = -1.0) -> CollisionModel:
-        """Model that uses convex hulls for some pairs, if hulls enclose their bodies more tightly than capsules.
+        """Collision model with convex hulls for some pairs, if hulls enclose their bodies more tightly than capsules.
 
         Args:
             which: Indices of the pairs, in ascending order.
             margin: Distance below which bodies count as touching [m].
-            gain: Smallest value for which hulls are used: share of random poses with touching capsules, minus share
-                of random poses with touching hulls.
+            gain: Smallest difference of two shares of random poses for which hulls are used: share in which capsules
+                touch, minus share in which hulls touch.
         """
         hulls, poses = Hulls(self.shapes, self.pairs[which], which), forward_kinematics(self.robot, self.tried)
         apart, before = hulls.distances(poses), self.bodies.distances(poses)[:, which]
@@ -215,13 +221,13 @@ class CollisionModel:
         return replace(self, bodies=bodies, nearest=nearest, touching=touching)
 
     def without_dispensable(self) -> CollisionModel:
-        """Model that does not check pairs of neighbouring links that overlap in most poses."""
+        """Collision model that does not check pairs of neighbouring links that overlap in most poses."""
         required = self.required
         kind = np.where(required.dispensable, LEFT_OUT, required.kind)
         return replace(self, required=replace(required, kind=kind))
 
     def tightened(self) -> CollisionModel:
-        """Model with hulls for all pairs whose capsules are so wide that they exclude many poses."""
+        """Collision model with hulls for all pairs whose capsules are so wide that they exclude many poses."""
         wide = np.flatnonzero(self.required.of(BY_CAPSULES) & (self.touching > WIDE))
         return self.closer(np.setdiff1d(wide, self.bodies.hulls.at), self.margin, WIDE)
 
@@ -264,12 +270,14 @@ def make_collision_model(
     margin: float = 0.02,
     ignored: Sequence[IgnoredBodies] = (),
 ) -> CollisionModel:
-    """Collision model of an arm and its surroundings, with required distances determined from random poses.
+    """Makes the collision model of an arm and its surroundings.
+
+    The required distances are determined from random poses.
 
     Args:
         robot: The arm.
         limits: Limits of the joints of the arm.
-        surroundings: Bodies that do not move.
+        surroundings: Bodies of the surroundings, which do not move.
         margin: Required distance between bodies [m].
         ignored: Pairs that are not checked.
 
@@ -328,7 +336,7 @@ def collision_options(cell: CollisionModel, start: Array) -> CollisionOptions:
 
     Args:
         cell: Arm and surroundings.
-        start: The start pose, shape (n,) [rad or m].
+        start: Start pose, shape (n,) [rad or m].
 
     Raises:
         ArmidError: Bodies are too close to each other in the start pose.
@@ -365,7 +373,7 @@ def collision_options(cell: CollisionModel, start: Array) -> CollisionOptions:
 
 
 def looked_at(cell: CollisionModel) -> CollisionOptions:
-    """Pairs of bodies that must be kept apart, if no start pose is known; a search needs `collision_options`."""
+    """Pairs of bodies that a plan must keep apart, if no start pose is known; a search needs `collision_options`."""
     required, labels = cell.required, cell.bodies.labels
     kept, own = np.flatnonzero(required.of(BY_CAPSULES)), required.of(MEASURED)
     left_out = np.flatnonzero(required.of(LEFT_OUT))
@@ -393,7 +401,7 @@ def looked_at(cell: CollisionModel) -> CollisionOptions:
 
 
 def _cause(cell: CollisionModel, k: int) -> str:
-    """Reason why a pair with the surroundings is not checked; empty for other pairs."""
+    """Reason why a pair of an arm body and the surroundings is not checked; empty for other pairs."""
     if not stands(cell.robot, cell.shapes, int(cell.pairs[k].max())):
         return ""
     often = "all" if cell.required.touching[k] >= 1.0 else "most"

@@ -27,12 +27,11 @@ from armid.robot.collision_body_names import BodyPair
 from armid.robot.shapes import Shape, rotation_with_z
 
 FEW, REACH = 80, 0.15
-"""If there are more pairs of bodies than the first number, a stage of a search uses only the pairs that come closer
-to their required distance than the second number [m]. Two arms of seven joints, for instance, have seven hundred
-pairs."""
+"""Number of pairs of bodies above which a stage of a search uses only the pairs that come close; and largest excess
+distance of a pair that counts as close [m]. Two arms of seven joints, for instance, have seven hundred pairs."""
 
 TILE = 30000
-"""Number of pairs times poses that are computed at a time, so that the data fit into the processor's cache."""
+"""Number of pairs times poses that are computed at a time; the data then fit into the processor's cache."""
 
 
 Nearest = tuple[Array, Array, Array, Array]
@@ -42,7 +41,7 @@ NO_HULLS = Hulls((), np.zeros((0, 2), dtype=np.intp), np.zeros(0, dtype=np.intp)
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CollisionBodies:
-    """Bounding capsules of the arm, and pairs of bodies of the arm and the surroundings.
+    """Bounding capsules of an arm, solids of the surroundings, and pairs of bodies.
 
     Attributes:
         capsules: Capsules of the arm, and with link -1 the capsules of the base and the surroundings.
@@ -86,8 +85,8 @@ class CollisionBodies:
 
         Args:
             poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
-            hulls: Result of `Hulls.nearest`, if it is known already.
-            reach: Distances of capsules above which distances of hulls are not computed, shape (m,) [m].
+            hulls: Result of `Hulls.nearest` in the same poses, if it is already known.
+            reach: Distances of capsules above which the distances of hulls are not computed, shape (m,) [m].
         """
         result = self._places(*self.axes(poses))[0]
         if len(self.first) < len(self.pairs):
@@ -102,13 +101,14 @@ class CollisionBodies:
         return result
 
     def nearest(self, poses: tuple[Array, Array], hulls: Nearest | None = None) -> Nearest:
-        """Distances (N, m) [m], nearest points of both bodies and unit vectors from the second body, each (N, m, 3).
+        """Distances (N, m) [m] of the pairs, nearest points of both bodies, and unit vectors between them.
 
-        For capsules, the nearest points on their axes are returned.
+        Points and vectors have shape (N, m, 3) each. The vectors point from the second to the first body. For
+        capsules, the nearest points on their axes are returned.
 
         Args:
             poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
-            hulls: Result of `Hulls.nearest`, if it is known already.
+            hulls: Result of `Hulls.nearest` in the same poses, if it is already known.
         """
         begin, along = self.axes(poses)
         distance, places, slopes = self._places(begin, along)
@@ -133,7 +133,9 @@ class CollisionBodies:
         return result
 
     def _places(self, begin: Array, along: Array) -> tuple[Array, tuple[Array, Array], dict[int, Array]]:
-        """Distances and nearest points of each pair of capsules, or of capsule and solid, from the axes (N, c, 3).
+        """Distances and nearest points of each pair of capsules, or of a capsule and a solid.
+
+        `begin` and `along` are the start points and the vectors of the axes of the capsules, shape (N, c, 3) each.
 
         Returns:
             For `pairs` of length p: distances (N, p) [m]; positions (N, p) of the nearest points along both axes,
@@ -173,9 +175,9 @@ class CollisionBodies:
         return distance, (s, t), slopes
 
     def axes(self, poses: tuple[Array, Array]) -> tuple[Array, Array]:
-        """Start points of the axes of the capsules and vectors from start to end points, (N, c, 3) each [m].
+        """Start points of the axes of c capsules, and vectors to their end points, (N, c, 3) each [m].
 
-        Points and vectors are in the base frame, for N poses and c capsules.
+        Points and vectors are in the base frame, for N poses.
         """
         R, p = poses
         begin, along = (np.empty((len(p), len(self.capsules), 3)) for _ in range(2))
@@ -189,7 +191,7 @@ class CollisionBodies:
         return begin, along
 
     def lengths(self, poses: tuple[Array, Array], tree: Tree) -> Array:
-        """Largest distance of the points of each of c capsules from each joint axis in N poses, shape (N, c, n) [m].
+        """Largest distance of the points of each capsule from each joint axis in N poses, shape (N, c, n) [m].
 
         The distance from a line is a convex function, so its maximum along the axis of a capsule is at one end of the
         axis.
@@ -205,7 +207,7 @@ class CollisionBodies:
         return result + np.array([capsule.size[0] for capsule in self.capsules])[:, None]
 
     def approach(self, poses: tuple[Array, Array], tree: Tree, speed: Array, extra: float = 0.0) -> Array:
-        """Upper bound (N, m) [m/s] of the speed at which the two bodies of each pair approach each other.
+        """Upper bound of the speed at which the two bodies of each pair approach each other, shape (N, m) [m/s].
 
         Only the joints between two bodies change the distance of these bodies. A revolute joint moves a point with at
         most the speed of the joint times the distance of the point from the joint axis.
@@ -232,7 +234,7 @@ class CollisionBodies:
         return np.maximum.reduceat(fastest, self.first, axis=1)
 
     def only(self, which: Sequence[int] | NDArray[np.intp]) -> CollisionBodies:
-        """Selection of some pairs of bodies, by indices in ascending order."""
+        """Bounding volumes of selected pairs of bodies, given by indices in ascending order."""
         chosen = np.isin(self.groups, np.asarray(which, dtype=np.intp))
         kept, groups = np.unique(self.groups[chosen], return_inverse=True)
         return CollisionBodies(self.capsules, self.solids, self.pairs[chosen], groups, self.hulls.only(kept))
@@ -240,10 +242,10 @@ class CollisionBodies:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Clearance:
-    """Constraint channel for the distances between bodies.
+    """Constraint channel of the distances between the bodies of m pairs.
 
     Attributes:
-        name: Name of the quantity.
+        name: Name of the limited quantity.
         bodies: The bodies and their pairs.
         margin: Smallest allowed distance of each pair, shape (m,), or one number for all pairs [m].
         spare: Additional distance that a search keeps, shape (m,), or one number for all pairs [m].
@@ -265,22 +267,25 @@ class Clearance:
         return np.broadcast_to(self.margin, len(self.bodies))
 
     def near(self, states: States) -> Clearance:
-        """Channel for motions near a given one. If there are many pairs, only those that come close are kept."""
+        """Channel for motions near a given one; if there are many pairs, it has only those that come close."""
         if len(self.bodies) <= FEW:
             return self
         return self.only(np.flatnonzero(self._distances(states).min(axis=0) < self.margin + REACH))
 
     def only(self, which: NDArray[np.intp]) -> Clearance:
-        """Selection of some pairs, by indices in ascending order."""
+        """Channel of selected pairs, given by indices in ascending order."""
         spare = np.broadcast_to(self.spare, len(self.bodies))[which]
         return replace(self, bodies=self.bodies.only(which), margin=self.margins[which], spare=spare)
 
     def values(self, states: States) -> Array:
-        """Utilisations (N, m): one minus the difference of distance and required distance, divided by `SCALE`."""
+        """Utilisations (N, m): 1 - (distance - required distance) / `SCALE`.
+
+        The required distance includes the additional distance of a search.
+        """
         return 1.0 - (self._distances(states) - self.margin - self.spare) / SCALE
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k) by the unknowns, of the sums over the samples of values times weights (N, m).
+        """Gradients (m, n k), by the unknowns, of the sums over the samples of utilisations times weights (N, m).
 
         The gradient of a distance follows from the motion of the two nearest points with their links.
         """
@@ -293,7 +298,7 @@ class Clearance:
         return states.pullback_positions(by_q)
 
     def between(self, states: States, step: float) -> Array:
-        """Upper bound of the rise of the utilisation of each pair between neighbouring points of a grid, shape (m,).
+        """Upper bound (m,) of the rise of the utilisation of each pair between neighbouring points of a grid.
 
         The utilisation of a pair is 1 at the required distance, and 0 at a distance that is larger by `SCALE`. Two
         bodies approach each other at most at the speed at which the joints between them move their points. Any
@@ -320,14 +325,14 @@ class Clearance:
             states: States of the motion on the grid.
             step: Step of the grid [s].
             bodies: Pairs of bodies.
-            fastest: Bound of the speed of any point of the arm [m/s].
+            fastest: Upper bound of the speed of any point of the arm [m/s].
         """
         half = 0.5 * step
         speed = np.abs(states.derivatives[1]) + half * states.basis.peaks_between(states.x, 2)
         return half * bodies.approach(states.poses, states.tree, speed, half * fastest)
 
     def _hulls(self, states: States) -> Nearest | None:
-        """Distances, nearest points and directions of the hulls, computed once for each motion of a search."""
+        """Distances, nearest points and directions of the hulls; cached for the motion."""
         if not len(self.bodies.hulls):
             return None
         if id(self) not in states.hulls:
@@ -335,13 +340,13 @@ class Clearance:
         return states.hulls[id(self)]
 
     def _nearest(self, states: States) -> Nearest:
-        """Distances, nearest points and directions of all pairs, computed once for each motion of a search."""
+        """Distances, nearest points and directions of all pairs; cached for the motion."""
         if id(self) not in states.nearest:
             states.nearest[id(self)] = self.bodies.nearest(states.poses, self._hulls(states))
         return states.nearest[id(self)]
 
     def _distances(self, states: States) -> Array:
-        """Distances (N, m) [m] without nearest points, which takes a third of the time of `_nearest`."""
+        """Distances of all pairs, shape (N, m) [m], without nearest points, in a third of the time of `_nearest`."""
         if id(self) in states.nearest:
             return states.nearest[id(self)][0]
         if id(self) not in states.distances:
@@ -354,7 +359,7 @@ class Clearance:
 
 
 def floor(height: float = 0.0, gravity: ArrayLike = (0.0, 0.0, -1.0)) -> Shape:
-    """Floor: the half-space below a height.
+    """Shape of the floor: the half-space below a height.
 
     Args:
         height: Height of the floor above the origin of the base frame [m]; negative below it.

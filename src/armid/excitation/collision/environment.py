@@ -75,7 +75,7 @@ def load_environment(path: Path | str, robot: Robot) -> tuple[Shape, ...]:
 
 
 def _carrier(robot: Robot, where: str, name: str | None) -> int:
-    """Index of the link with a given name; -1 for the base, which is used if no link is given."""
+    """Index of the link with the given name; -1, the base, if no name is given."""
     names = [link.name for link in robot.links]
     if name is None:
         return -1
@@ -89,7 +89,7 @@ def _carrier(robot: Robot, where: str, name: str | None) -> int:
 
 
 def _surrounding(kind: str, number: int, table: dict[str, Any]) -> Shape:
-    """Shape that one table of an environment file describes; link -1, placement as in the file."""
+    """Shape that one table of an environment file describes, with link -1 and the placement in the file."""
     name = str(table.get("name", f"{kind} {number}"))
     if kind == "half-space":
         turned = rotation_with_z(np.array([float(x) for x in table["normal"]]))

@@ -5,7 +5,8 @@ every pose although the bodies never touch. An arm has only a few such pairs. Fo
 bodies: capsules, spheres, boxes and half-spaces are exact, a cylinder is enclosed in a prism, an ellipsoid in a
 polyhedron, and a mesh in the convex hulls of its slices (`armid.excitation.collision.mesh_hulls`). For these bodies
 Coal computes distance, direction and nearest points exactly except for rounding, also if the bodies overlap, so the
-gradients are exact. For cylinders, Coal's results have only four correct digits; ellipsoids are curved, too.
+gradients are exact. A cylinder is not used itself, because Coal's results for it have only four correct digits, and
+neither is an ellipsoid, because it is curved, too.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ SIDES = 32
 
 
 def prism(radius: float, length: float) -> Array:
-    """Corners (v, 3) [m] of a prism that encloses a cylinder about z."""
+    """Corners (v, 3) [m] of a prism that encloses a cylinder about the z axis with given radius and length [m]."""
     angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
     ring = radius / np.cos(np.pi / SIDES) * np.column_stack([np.cos(angle), np.sin(angle)])
     return np.vstack([np.column_stack([ring, np.full(SIDES, z)]) for z in (-0.5 * length, 0.5 * length)])
@@ -50,7 +51,7 @@ def parts_of(shape: Shape) -> tuple[Any, ...]:
 
 @lru_cache(maxsize=512)
 def _parts_of(kind: Kind, size: tuple[float, float, float], path: str, _stamp: tuple[int, int]) -> tuple[Any, ...]:
-    """Convex bodies for `parts_of`; cached by kind and size, because shapes from other processes are new objects."""
+    """Convex bodies that `parts_of` returns; cached by kind and size, because shapes from other processes are new."""
     shape = Shape("", -1, kind, np.array(size), np.eye(4), path)
     if kind == "cylinder":
         return (part_of(hull_points(prism(*size[:2]))).solid(),)
@@ -79,11 +80,15 @@ class Hulls:
         return len(self.at)
 
     def distances(self, poses: tuple[Array, Array]) -> Array:
-        """Distances of the pairs, shape (N, r) [m]; negative where hulls overlap."""
+        """Distances of the convex bodies of r pairs in N poses, shape (N, r) [m]; negative if they overlap."""
         return distances(self.shapes, self.pairs, poses, parts_of)
 
     def distances_below(self, reach: Array, bound: Array, poses: tuple[Array, Array]) -> Array:
-        """Distances (N, r) [m]; where the lower bound (N, r) exceeds the reach (r,) [m] of a pair, this bound."""
+        """Distances of r pairs in N poses, shape (N, r) [m], computed only for pairs that may be close.
+
+        If the lower bound (N, r) of a distance is not less than the `reach` (r,) [m] of the pair, the bound is
+        returned.
+        """
         result = bound.copy()
         for k, pair in enumerate(self.pairs):
             near = np.flatnonzero(bound[:, k] < reach[k])
@@ -93,7 +98,9 @@ class Hulls:
         return result
 
     def nearest(self, poses: tuple[Array, Array]) -> tuple[Array, Array, Array, Array]:
-        """Distances (N, r) [m], nearest points of both bodies and unit vectors from the second body, each (N, r, 3).
+        """Distances (N, r) [m] of the pairs, nearest points of both bodies, and unit vectors between them.
+
+        Points and vectors have shape (N, r, 3) each. The vectors point from the second to the first body.
 
         Args:
             poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
@@ -101,6 +108,6 @@ class Hulls:
         return nearest(self.shapes, self.pairs, poses, parts_of)
 
     def only(self, which: NDArray[np.intp]) -> Hulls:
-        """Hulls of selected pairs, by ascending indices; the pairs are numbered again in this order."""
+        """Hulls of selected pairs, given by ascending indices; the pairs are renumbered in this order."""
         kept = np.isin(self.at, which)
         return Hulls(self.shapes, self.pairs[kept], np.searchsorted(which, self.at[kept]))

@@ -19,9 +19,9 @@ class IgnoredBodies:
     Attributes:
         first: Name of the first link or body, or a pattern (`*`, `?`, `[…]`).
         second: Name of the second link or body, or a pattern.
-        reason: Option that excludes the pair, or name of the file that excludes it, with the reason that the file
+        reason: Option that excludes the pair; or name of the file that excludes it, with the reason that the file
             gives.
-        strict: True if an error is raised when a name fits no body.
+        strict: True if an error is raised for a name that matches no body.
     """
 
     first: str
@@ -32,7 +32,7 @@ class IgnoredBodies:
 
 @dataclass(frozen=True, slots=True)
 class IgnoredPair:
-    """Two bodies that are not checked: they touch by construction, or the user has excluded the pair.
+    """Two bodies whose distance is not checked: they touch by construction, or the user has excluded the pair.
 
     Attributes:
         pair: Names of the two bodies.
@@ -42,7 +42,7 @@ class IgnoredPair:
         reason: Option or file that excludes the pair; empty if the user has not excluded it.
         bodies: Indices of the two bodies among the shapes.
         cause: Reason why bodies that the user has not excluded are not checked; empty if they overlap in most poses.
-        adjacent: Whether one joint connects the links of the bodies.
+        adjacent: True if only one joint is between the links of the bodies.
     """
 
     pair: BodyPair
@@ -54,7 +54,7 @@ class IgnoredPair:
 
     @property
     def account(self) -> str:
-        """Text with the pair and, in parentheses, the share of poses with overlap, or what excludes the pair."""
+        """Text with the names of the pair and, in parentheses, what excludes it, or the share of overlap."""
         return f"{self.pair} ({self.reason or f'{100.0 * self.share:.0f} %'})"
 
     @property
@@ -65,7 +65,7 @@ class IgnoredPair:
 
 
 def pairs_by_reason(skipped: Sequence[IgnoredPair]) -> dict[str, list[str]]:
-    """Pairs that are not checked, by reason; several pairs of bodies of the same two links become one entry.
+    """Groups pairs that are not checked by reason; several pairs of bodies of the same two links become one entry.
 
     Returns:
         Names of bodies or links for each reason. If the reason is overlap, the share of random poses in which the
@@ -132,7 +132,7 @@ def ignored_of_srdf(path: Path | str) -> tuple[IgnoredBodies, ...]:
 def ignored_pairs(
     ignored: Sequence[IgnoredBodies], pairs: Sequence[BodyPair], bodies: Sequence[str]
 ) -> dict[int, str]:
-    """Indices of the pairs that are excluded, each with the option or file that excludes the pair.
+    """Option or file that excludes a pair, for each excluded pair, by the index of the pair.
 
     Args:
         ignored: Pairs of names that are excluded.
@@ -140,7 +140,7 @@ def ignored_pairs(
         bodies: Names of the bodies.
 
     Raises:
-        ArmidError: A name fits no body.
+        ArmidError: A name matches no body.
     """
     links = dict.fromkeys(link_of(name) for name in bodies)
     found: dict[int, str] = {}
@@ -154,7 +154,7 @@ def ignored_pairs(
 
 
 def _bodies_of(name: str, bodies: Sequence[str], links: tuple[str, ...], each: IgnoredBodies) -> set[str]:
-    """Names of the bodies that a name or pattern selects: all bodies of a link, or bodies with a fitting name."""
+    """Names of the bodies that a name or pattern selects: bodies of matching links, or bodies with matching names."""
     fitting = set(matching(name, links))
     found = {body for body in bodies if link_of(body) in fitting} or set(matching(name, bodies)) & set(bodies)
     if not found and each.strict:

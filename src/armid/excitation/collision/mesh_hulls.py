@@ -28,18 +28,18 @@ FORMAT = 2
 """Version of the entries in the cache folder; it is increased if the computation of the bounding volumes changes."""
 
 ENOUGH = 64
-"""Number of corners up to which a hull is not simplified."""
+"""Largest number of corners of a hull that is not simplified."""
 
 LIGHT = 5e-4
-"""Largest distance by which a simplified hull may extend beyond the mesh [m]."""
+"""Largest distance by which a simplified hull is enlarged in all directions, so that it contains the mesh [m]."""
 
 CLOSE = 0.8
-"""A corner of the mesh may be outside the plane of a face of the simplified hull by at most this share of `LIGHT`.
-Where faces meet, the distance of a corner from the hull is larger than its distance from the planes."""
+"""Largest distance of a corner of the mesh from the plane of a face of the simplified hull, outside the hull, divided
+by `LIGHT`. Where faces meet, the distance of a corner from the hull is larger than its distance from the planes."""
 
 FURTHEST = 0.6
-"""A corner of the mesh is added to a simplified hull if its distance from the hull is at least this share of the
-largest such distance."""
+"""Smallest distance of a corner of the mesh from a simplified hull, divided by the largest such distance, with which
+the corner is added to the hull."""
 
 SOLVER = 1e-6
 """Error with which Coal computes the distance of a corner from a hull [m]."""
@@ -48,10 +48,10 @@ THIN = 1e-5
 """Half the thickness [m] that is given to a flat part of a mesh."""
 
 WHOLE = (".stl", ".obj", ".dae", ".ply", ".glb", ".off")
-"""Endings of files that contain all their triangles themselves, so that the content identifies the mesh."""
+"""Suffixes of mesh files that refer to no other files, so that the content of the file identifies the mesh."""
 
 FIRST = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z], dtype=float)
-"""Directions in which a simplified hull always extends as far as the mesh."""
+"""Directions in which a simplified hull always extends as far as the mesh, shape (26, 3)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -87,7 +87,7 @@ class MeshOutline:
 
 
 def capsules_of(shape: Shape) -> tuple[Shape, ...]:
-    """Capsules that together enclose a body, with the name and link of the body; a capsule is returned unchanged."""
+    """Capsules that together enclose a body, with its name and link; a capsule is returned unchanged."""
     if shape.kind != "mesh":
         return covering(shape)
     return tuple(
@@ -97,10 +97,10 @@ def capsules_of(shape: Shape) -> tuple[Shape, ...]:
 
 
 def outline_of(shape: Shape) -> MeshOutline:
-    """Bounding volumes of a mesh; they are read from the cache folder if they are stored there.
+    """Bounding volumes of a mesh, read from the cache folder if they are stored there.
 
     Raises:
-        ArmidError: The file cannot be read.
+        ArmidError: The file of the mesh cannot be read.
     """
     a, b, c = shape.size.tolist()
     return _outline(shape.path, (a, b, c), stamp(shape.path))
@@ -118,7 +118,7 @@ def _outline(path: str, scale: tuple[float, float, float], _stamp: tuple[int, in
 
 
 def _name(path: str, scale: tuple[float, float, float]) -> str:
-    """Name of the entry in the cache; empty if the mesh depends on other files or cannot be read."""
+    """Name of the cache entry of a mesh; empty if the mesh depends on other files or cannot be read."""
     if Path(path).suffix.lower() not in WHOLE:
         return ""
     try:
@@ -163,7 +163,7 @@ def _read(arrays: Arrays | None) -> MeshOutline | None:
 
 
 def _made(corners: Array, faces: NDArray[np.intp]) -> MeshOutline:
-    """Bounding volumes of a mesh from its corners (v, 3) [m] and triangles (t, 3), which are indices of corners."""
+    """Computes the bounding volumes of a mesh from its corners (v, 3) [m] and triangles (t, 3) of corner indices."""
     cuts = cuts_of(corners, faces)
     hulls: dict[int, ConvexHull] = {}
 
@@ -191,8 +191,8 @@ def hull_points(points: Array) -> ConvexHull:
 def lightened(hull: ConvexHull) -> Part:
     """Simplified convex body that encloses a hull.
 
-    The corner that is furthest outside the hull of the selected corners is added, until no corner is outside by more
-    than `LIGHT`. The body is then enlarged in all directions by the largest remaining distance.
+    Corners furthest outside the hull of the selected corners are added, until no corner is outside by more than
+    `LIGHT`. The body is then enlarged in all directions by the largest remaining distance.
     """
     points = hull.points[hull.vertices]
     if len(points) <= ENOUGH:

@@ -30,9 +30,9 @@ def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[CollisionBod
 def bounding_volumes(
     shapes: Sequence[Shape], chosen: Sequence[tuple[int, int]]
 ) -> tuple[CollisionBodies, NDArray[np.intp]]:
-    """Capsules and solids of chosen pairs of bodies, and the indices (m, 2) of the bodies of each pair.
+    """Bounding volumes of chosen pairs of bodies, and the indices (m, 2) of the two bodies of each pair.
 
-    Pairs of two solids are left out.
+    Pairs of two solids of the surroundings are left out.
     """
     solid = [shape.kind in ("box", "half-space") and shape.link < 0 for shape in shapes]
     capsules: list[Shape] = []
@@ -52,16 +52,16 @@ def bounding_volumes(
 
 
 def stands(robot: Robot, shapes: Sequence[Shape], k: int) -> bool:
-    """Tests whether a body belongs to the surroundings and no link carries it."""
+    """Checks whether body k is a part of the surroundings that no link of the arm carries."""
     return k >= len(robot.shapes) and shapes[k].link < 0
 
 
 def joints_between(robot: Robot, a: int, b: int) -> int:
-    """Number of joints on the path from one link to another."""
+    """Number of joints on the path between two links, given by their indices; -1 is the base."""
     return len(joints_on_path(robot, a, b))
 
 
 def joints_on_path(robot: Robot, a: int, b: int) -> list[int]:
-    """Indices of the joints on the path from one link to another, in ascending order; -1 is the base."""
+    """Indices of the joints on the path between two links, in ascending order; the link -1 is the base."""
     above_a, above_b = ([*robot.tree.ancestors(k)] if k >= 0 else [] for k in (a, b))
     return sorted(set(above_a) ^ set(above_b))

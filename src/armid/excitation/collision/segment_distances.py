@@ -10,21 +10,21 @@ TINY = 1e-12
 """Squared length [m²] below which a segment is treated as a point."""
 
 ROUNDING = 1e-9
-"""Distance [m] up to which a segment is treated as one that intersects a box."""
+"""Largest distance between a segment and a box at which the segment is treated as one that intersects the box [m]."""
 
 
 def nearest_on_segments(uu: Array, vv: Array, uv: Array, ur: Array, vr: Array) -> tuple[Array, Array]:
-    """Nearest points of two segments a + s u and b + t v with s and t from 0 to 1.
+    """Nearest points of two segments a + s u and b + t v, given by their parameters s and t from 0 to 1.
 
     Args:
-        uu: Squared length of u.
-        vv: Squared length of v.
+        uu: Squared length of u, shape (c,).
+        vv: Squared length of v, shape (c,).
         uv: Scalar product of u and v, shape (..., c).
         ur: Scalar product of u and a - b, shape (..., c).
         vr: Scalar product of v and a - b, shape (..., c).
 
     Returns:
-        s and t, shape (..., c) each.
+        Parameters s and t of the nearest points, shape (..., c) each.
     """
     across = uu * vv - uv**2
     s = np.clip((uv * vr - ur * vv) / np.maximum(across, TINY * TINY), 0.0, 1.0)
@@ -38,9 +38,9 @@ def nearest_on_segments(uu: Array, vv: Array, uv: Array, ur: Array, vr: Array) -
 def nearest_on_box(a: Array, u: Array, half: Array) -> tuple[Array, Array, Array]:
     """Nearest points of segments to a box whose centre is the origin of the frame.
 
-    The derivative of the squared distance along a segment is piecewise linear and increasing, with kinks where a
-    coordinate passes a face, so its zero is computed exactly. If a segment intersects the box, its deepest point is
-    taken.
+    The edges of the box are parallel to the axes of the frame. The derivative of the squared distance along a segment
+    is piecewise linear and increasing, with kinks where a coordinate passes a face, so its zero is computed exactly.
+    If a segment intersects the box, its deepest point is taken.
 
     Args:
         a: Start points of the segments, shape (..., 3).
@@ -73,7 +73,7 @@ def nearest_on_box(a: Array, u: Array, half: Array) -> tuple[Array, Array, Array
 
 
 def _deepest(a: Array, u: Array, half: Array) -> Array:
-    """Positions (k,) along segments (k, 3) of the points of the segments that are deepest in a box.
+    """Positions (k,), from 0 to 1, along segments (k, 3) of the points that are deepest inside a box.
 
     Inside the box, the signed distance is the largest of six linear functions. Its minimum is therefore at an end of
     the segment or at a point at which two of the functions are equal.

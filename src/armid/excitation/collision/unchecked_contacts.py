@@ -25,7 +25,7 @@ from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
 
 EVERY = 5
-"""Stride of the poses that are examined: bodies that touch for a shorter time hardly overlap."""
+"""Stride of the poses that are examined; bodies that touch only between these poses hardly overlap."""
 
 NAMED = 5
 """Largest number of pairs that a finding names."""
@@ -36,8 +36,8 @@ class LeftOutContact:
     """Contact between two bodies whose distance is not checked.
 
     Attributes:
-        account: Text with the pair, and the share of poses with overlap, or the option or file that excludes the
-            pair.
+        account: Text with the names of the pair, and the share of poses with overlap or the option or file that
+            excludes the pair.
         time: Time of the first contact [s].
         throughout: True if the bodies touch in all examined poses of the motion.
         unexpected: True if the user has excluded the pair, unless the bodies belong to adjacent links and touch
@@ -53,7 +53,7 @@ class LeftOutContact:
 def left_out_contacts(
     collision: CollisionOptions, robot: Robot, times: Array, q: Array
 ) -> tuple[LeftOutContact, ...]:
-    """First contacts of pairs that are not checked and touch during a motion, in the order of time.
+    """First contacts, in the order of time, of pairs that touch during a motion and are not checked.
 
     Args:
         collision: Pairs of bodies, including the pairs that are not checked.
@@ -90,13 +90,13 @@ def left_out_contacts(
 def _touching(
     collision: CollisionOptions, each: IgnoredPair, poses: tuple[Array, Array], which: NDArray[np.intp]
 ) -> NDArray[np.bool_]:
-    """Tests for each of the poses with indices `which` whether the bodies of a pair touch, shape (k,)."""
+    """Mask (k,) of the poses with the indices `which` (k,) in which the bodies of a pair touch."""
     some = poses[0][which], poses[1][which]
     return too_close(collision.shapes, np.array(each.bodies), 0.0, some)
 
 
 def contacts_found(contacts: Sequence[LeftOutContact]) -> Finding | None:
-    """Finding on pairs of bodies that touch in a plan and whose distance is not checked; `None` without contacts."""
+    """Finding about pairs of bodies that touch in a plan and are not checked; `None` if there are no contacts."""
     if not contacts:
         return None
     meeting = [f"{each.account} at {each.time:.2f} s" for each in contacts if not each.throughout]
@@ -114,6 +114,6 @@ def contacts_found(contacts: Sequence[LeftOutContact]) -> Finding | None:
 
 
 def _listed(accounts: Sequence[str]) -> str:
-    """Text with the first pairs of a list, and the number of the other pairs."""
+    """Text that lists the first pairs, and gives the number of the others."""
     more = f" and {len(accounts) - NAMED} more" if len(accounts) > NAMED else ""
     return "; ".join(accounts[:NAMED]) + more

@@ -1,1 +1,1 @@
-"""Search for an optimal trajectory: criteria, gradients and descent."""
+"""Search for an optimal motion: criteria, their gradients, and descent."""

@@ -1,9 +1,9 @@
-"""Constraint channel for pairs of bodies that are checked with the bodies themselves, not with convex bodies.
+"""Constraint channel for pairs of bodies whose distance gives a search no direction, by maps of joint positions.
 
-Capsules and hulls of such a pair overlap although the bodies do not, so their distance gives a search no direction.
-However, at most two joints are between the two bodies. Coal therefore tests the bodies on a grid of positions of
-these joints. In the plane of the two positions, the bodies are too close in some region; the channel limits the
-distance of the motion from this region. The distance of the bodies is checked again when the plan is finished.
+For such a pair, bounding volumes are too wide: capsules and hulls overlap although the bodies do not. However, at
+most two joints are between the two bodies. Coal therefore tests the bodies themselves on a grid of positions of these
+joints. In the plane of the two positions, the bodies are too close in some region; the channel limits the distance of
+the motion from this region. The distance of the bodies is checked again when the plan is finished.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ POSITIONS = 41
 """Number of positions of each of the two joints at which the bodies are tested."""
 
 SCALE = 0.5
-"""Distance from the region in which bodies are too close, in rad or in shares of the range of a prismatic joint, at
-which the utilisation is zero."""
+"""Distance, in the plane of two joint positions, from the region in which bodies are too close, at which the
+utilisation is zero [rad, or share of the range of a prismatic joint]."""
 
 SPARE, SPARED = 0.5, 0.9
-"""Additional distance that a search keeps, in steps of the grid; and its largest value, divided by the distance of
-the start pose from the region in which the bodies are too close."""
+"""Additional distance that a search keeps from the region in which bodies are too close, in steps of the grid; and
+its largest value, divided by the distance of the start pose from this region."""
 
 JOINTS = 2
 """Number of joints between the two bodies of a pair for which a grid of joint positions is computed."""
@@ -42,7 +42,7 @@ JOINTS = 2
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PositionMap:
-    """Distance to the region in which a pair of bodies is too close, in the plane of the positions of two joints.
+    """Map of the distance to the region in which a pair of bodies is too close, over the positions of two joints.
 
     Attributes:
         pair: Names of the bodies.
@@ -62,7 +62,7 @@ class PositionMap:
     spare: float = 0.0
 
     def at(self, q: Array) -> tuple[Array, Array]:
-        """Distances (N,) from the region in poses (N, n), interpolated, and gradients (N, 2) by both positions."""
+        """Distances (N,) from the region in poses (N, n), interpolated, and gradients (N, 2) by the two positions."""
         place = np.clip((q[:, self.joints] - self.low) / self.step, 0.0, POSITIONS - 1.0)
         cell = np.minimum(place.astype(np.intp), POSITIONS - 2)
         u, v = (place - cell).T
@@ -76,11 +76,11 @@ class PositionMap:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MeasuredPairs:
-    """Constraint channel that keeps pairs of bodies apart by maps of the positions of two joints, for a search.
+    """Constraint channel for a search that keeps pairs of bodies apart by maps of the positions of two joints.
 
     Attributes:
-        name: Name of the quantity.
-        maps: Map of the positions of two joints for each pair.
+        name: Name of the limited quantity.
+        maps: Map of each pair.
     """
 
     name: str
@@ -92,12 +92,12 @@ class MeasuredPairs:
         return tuple(each.pair for each in self.maps)
 
     def values(self, states: States) -> Array:
-        """Utilisations 1 - d / `SCALE` (N, m) with the distance d in joint space from positions with a collision."""
+        """Utilisations (N, m): 1 - d / `SCALE`, with the distance d in joint space from colliding positions."""
         q = states.derivatives[0]
         return np.column_stack([1.0 - (each.at(q)[0] - each.spare) / SCALE for each in self.maps])
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k) by the unknowns, of the sums over the samples of values times weights (N, m)."""
+        """Gradients (m, n k), by the unknowns, of the sums over the samples of utilisations times weights (N, m)."""
         q = states.derivatives[0]
         by_q = np.zeros((*weights.shape, states.basis.n))
         for k, each in enumerate(self.maps):
@@ -105,7 +105,7 @@ class MeasuredPairs:
         return states.pullback_positions(by_q)
 
     def between(self, states: States, step: float) -> Array:
-        """Upper bound (m,) of the rise of each utilisation between grid points, computed from the joint speeds."""
+        """Upper bound (m,) of the rise of each utilisation between neighbouring points of a grid with a step [s]."""
         rises = [
             sum(
                 float(states.speed_bound[j] * np.abs(np.diff(each.distance, axis=k)).max() / each.step[k])
@@ -119,7 +119,7 @@ class MeasuredPairs:
 def measured_pairs(
     collision: CollisionOptions, robot: Robot, limits: Limits, start: Array
 ) -> tuple[MeasuredPairs, ...]:
-    """Channel of the pairs of `collision.measured` that the search must keep apart; empty if there are none.
+    """Constraint channel of the pairs of `collision.measured` that a search must keep apart; empty without pairs.
 
     Args:
         collision: Pairs of bodies that must be kept apart.
@@ -151,7 +151,10 @@ def measured_pairs(
 def _map(
     robot: Robot, pair: BodyPair, joints: Sequence[int], grids: Sequence[Array], close: NDArray[np.bool_]
 ) -> PositionMap:
-    """Map of a pair whose bodies are too close at some points of a grid of the positions of two joints."""
+    """Makes the map of a pair from the mask of the grid points at which its bodies are too close.
+
+    `grids` are the positions of the two joints on the grid.
+    """
     first, second = joints
     step = np.array([grid[1] - grid[0] for grid in grids])
     slides = [robot.joints[j].is_prismatic for j in joints]

@@ -25,41 +25,41 @@ Criterion = Callable[[Array], tuple[float, Array]]
 """Function from G to the value of a criterion and its derivative with respect to G."""
 
 NEGLIGIBLE = 1e-13
-"""An eigenvector is neglected if the derivative of the criterion by its eigenvalue, divided by the largest such
-derivative, is below this value. Gradients need six digits."""
+"""Ratio of the derivative of the criterion by an eigenvalue to the largest such derivative, below which the
+eigenvector is neglected. Gradients need six digits."""
 
 FLOOR = 1e-15
-"""Smallest eigenvalue of G divided by the largest; smaller eigenvalues are rounding errors without useful
-derivative."""
+"""Ratio of an eigenvalue of G to the largest one, to which smaller eigenvalues are raised; they are rounding errors
+without a useful derivative."""
 
 WELL_CONDITIONED = 1e-10
-"""Smallest squared ratio of smallest and largest pivot at which the inverse by Cholesky factorisation is accurate
-enough for gradients."""
+"""Smallest squared ratio of the smallest to the largest pivot of the Cholesky factor of G with which the inverse by
+this factor is accurate enough for gradients."""
 
 SHARP = 30.0
-"""Exponent p above which a norm usually depends on at most a third of the eigenvalues."""
+"""Exponent p of a norm of eigenvalues above which the norm usually depends on at most a third of the eigenvalues."""
 
 WORK = 64
-"""Size of the workspace, in numbers per column, that LAPACK needs for products with Householder reflections."""
+"""Number of workspace entries per column that LAPACK gets for products with Householder reflections."""
 
 
 def _dense(vectors: Array, slopes: Array) -> Array:
-    """Derivative by G of a function of its eigenvalues, vectors · slopes · vectorsᵀ, made exactly symmetric."""
+    """Derivative by G of a function of its eigenvalues: vectors · slopes · vectorsᵀ, made exactly symmetric."""
     result = (vectors * slopes) @ vectors.T
     return 0.5 * (result + result.T)
 
 
 def _bounded_below(values: Array) -> Array:
-    """Eigenvalues in ascending order, bounded below by a small positive number."""
+    """Eigenvalues (b,) in ascending order, raised to a small positive lower bound."""
     return np.maximum(values, FLOOR * values[-1] + np.finfo(float).tiny)
 
 
 def _by_extremes(G: Array, function: Callable[[Array], tuple[float, Array]], sharpness: float) -> tuple[float, Array]:
-    """Value of a function of the eigenvalues of G, and its derivative with respect to G.
+    """Value of a function of the eigenvalues of G, and its derivative with respect to G, shape (b, b).
 
-    With a large exponent, a function depends on few eigenvalues. Computing all eigenvalues of the tridiagonal form
-    takes half the time of computing all eigenvectors; inverse iteration then computes only the necessary
-    eigenvectors.
+    With a large exponent `sharpness`, the function depends on few eigenvalues. Computing all eigenvalues of the
+    tridiagonal form takes half the time of computing all eigenvectors; inverse iteration then computes only the
+    necessary eigenvectors.
     """
     if sharpness > SHARP:
         form, diagonal, off_diagonal, tau, _ = lapack.dsytrd(G, lower=1)
@@ -80,7 +80,10 @@ def _by_extremes(G: Array, function: Callable[[Array], tuple[float, Array]], sha
 
 
 def _inverse(G: Array) -> tuple[float, Array]:
-    """Log-determinant and inverse of G; by Cholesky, in a third of the time, if G is well conditioned."""
+    """Logarithm of the determinant of G, and inverse of G.
+
+    If G is well conditioned, they are computed by Cholesky factorisation, in a third of the time.
+    """
     factor, failed = lapack.dpotrf(G, lower=1)
     pivots = np.diag(factor)
     if failed == 0 and pivots.min() ** 2 > WELL_CONDITIONED * pivots.max() ** 2:
@@ -93,7 +96,7 @@ def _inverse(G: Array) -> tuple[float, Array]:
 
 
 def d_optimal(G: Array) -> tuple[float, Array]:
-    """D-optimality: minus the mean logarithm of the eigenvalues, a measure of the confidence ellipsoid's volume."""
+    """D-optimality: negative mean logarithm of G's eigenvalues, a measure of the confidence ellipsoid's volume."""
     logarithm, inverse = _inverse(G)
     return -logarithm / len(G), -inverse / len(G)
 
@@ -144,10 +147,10 @@ def e_optimal(G: Array, sharpness: float) -> tuple[float, Array]:
 
 
 def worst_deviation(G: Array, scale: Array, sharpness: float) -> tuple[float, Array]:
-    """Logarithm of the largest relative standard deviation of a parameter.
+    """Logarithm of the largest relative standard deviation of all parameters.
 
     The relative standard deviation of a parameter is its standard deviation divided by its typical value in `scale`.
-    Parameters whose `scale` is infinite are ignored.
+    Parameters with an infinite value in `scale` are ignored.
     """
     inverse = _inverse(G)[1]
     variance = np.diag(inverse)
@@ -168,7 +171,7 @@ CRITERIA = {
     "prediction": "variance of the torque predicted along given motions",
     "worst": "largest standard deviation of a base parameter, divided by its typical value where values are known",
 }
-"""Names of the criteria, and the quantity that each criterion minimises."""
+"""Names of the criteria, with the quantity that each criterion minimises."""
 
 
 def make_criterion(

@@ -24,42 +24,42 @@ from armid.excitation.design.sqp import DescentProblem, Stage, about_start, max_
 from armid.excitation.limits.constraint_channels import ConstraintChannel, States, soft_maximum
 
 WEIGHTS = ((0.1, 60), (0.01, 60), (0.004, 50))
-"""Weights μ of the barrier, each with its number of iterations."""
+"""Weights μ of the barrier in order of use, each with its largest number of iterations."""
 
 ROOM = 0.9
-"""Utilisation of the limits to which the starting point is scaled. At a limit (utilisation 1) the barrier would be
-infinite."""
+"""Utilisation of the limits to which the starting point is scaled, less than 1, because the barrier is infinite at a
+limit."""
 
 REMEMBERED = 20
-"""Number of steps from which the quasi-Newton method estimates the curvature."""
+"""Number of past steps from which the quasi-Newton method estimates the curvature."""
 
 SHORTENED = (0.5, 0.3)
-"""Factors by which a step is shortened: the first if the step decreases the value too little, the second if it leaves
-the limits."""
+"""Factors by which a step is shortened: if it decreases the value too little, and if it leaves the limits."""
 
 TRIALS = 14
 """Largest number of times that one step is shortened."""
 
 DECREASE = 1e-4
-"""Required decrease of the value, divided by the decrease that the slope predicts (Armijo condition)."""
+"""Smallest accepted decrease of the function value, divided by the decrease that the slope predicts (Armijo
+condition)."""
 
 SETTLED = 1e-6
-"""Relative decrease of the function value in one step, below which the iteration ends."""
+"""Relative decrease of the function value in a step below which the iteration ends."""
 
 FIRST = 0.1
-"""Euclidean length of the first step in the unknowns [rad/s or m/s]."""
+"""Largest Euclidean length of the first step in the space of the unknowns [rad/s or m/s]."""
 
 Function = Callable[[Array], tuple[float, Array]]
 
 
 def descend_inside(problem: DescentProblem, x: Array, stage: Stage, deadline: float = np.inf) -> Array:
-    """Minimises the criterion with a logarithmic barrier, inside the limits on the grid of a stage of the descent.
+    """Minimises the criterion plus a logarithmic barrier of the limits, without leaving the limits.
 
     Args:
         problem: Criterion, unknowns and limits.
         x: Starting point, shape (n k,), with k unknowns of each joint. Its amplitudes are reduced until it keeps the
             limits.
-        stage: Stage of the descent, with the smoothing of criterion and limits.
+        stage: Stage of the descent, with the grid and the smoothing of criterion and limits.
         deadline: Time on the clock of `time.time` [s] at which the descent ends; the point reached by then is
             returned.
 
@@ -153,7 +153,7 @@ def quasi_newton(function: Function, x: Array, iterations: int) -> Array:
 
 
 def _direction(gradient: Array, steps: list[Array], changes: list[Array]) -> Array:
-    """Quasi-Newton direction by the two-loop recursion, from past steps and their changes of the gradient."""
+    """Quasi-Newton direction by the two-loop recursion, from past steps and the changes of the gradient in them."""
     result = -gradient
     if not steps:
         return result * (FIRST / max(float(np.linalg.norm(gradient)), FIRST))

@@ -12,7 +12,7 @@ States = tuple[Array, Array, Array]
 
 
 class LoadTorque:
-    """Torque of the rigid bodies of a model with its load parameters, at given states.
+    """Torque of the rigid bodies of a model with its load parameters, and its gradient, at given states.
 
     Args:
         model: Model with load parameters.
@@ -28,12 +28,12 @@ class LoadTorque:
         self._states: States = (none_yet, none_yet, none_yet)
 
     def fill(self, states: States) -> Array:
-        """Computes the torque (N, n) at states q, dq, ddq, each (N, n); the states are kept for `pullback`."""
+        """Computes the torque (N, n) at states q, dq, ddq, (N, n) each; the states are stored for `pullback`."""
         self._states = states
         return kernel.inverse_dynamics(self._tree, self._inertial, *states)
 
     def pullback(self, weights: Array, gradient: tuple[Array, ...]) -> None:
-        """Adds the gradient of Σ weights · torque, weights (N, n), to the gradients by q, dq, ddq, each (N, n)."""
+        """Adds the gradient of the sum of weights (N, n) times torque to the gradients by q, dq, ddq, (N, n) each."""
         layout, values = self._layout, self._inertial.ravel()
         cotangent = np.zeros((layout.columns, len(weights)))
         for j, parameters in enumerate(layout.parameters):

@@ -1,9 +1,9 @@
 """Multi-start search for the best excitation, parallel in several processes and reproducible for a given seed.
 
-The search works in rounds. Each round first runs short descents from a few starting points. Some starting points are
-uniform random coefficients, as in the thesis. From the second round on, others are random perturbations of the best
-plan so far. The best two results are then refined. A round depends only on the seed and on the rounds before it.
-Therefore the number and the speed of the processes affect only the number of rounds that are finished in a given
+The search works in rounds. In each round, first short descents are run from a few starting points. Some starting
+points are uniform random coefficients, as in the thesis. From the second round on, others are random perturbations of
+the best plan so far. The best two results are then refined. A round depends only on the seed and on the rounds before
+it. Therefore the number and the speed of the processes affect only the number of rounds that are finished in a given
 time, and not the result of a round. A search can be stopped at any time.
 """
 
@@ -44,28 +44,30 @@ from armid.excitation.limits.workspace import Workspace
 from armid.threads import ONE_THREAD
 
 SCOUTS, REFINED = 6, 2
-"""Number of starting points of a round, and number of results that are refined in the sharp stages of the descent.
-The criterion after the smooth stages predicts the final criterion well."""
+"""Number of short descents in each round of the search, and number of their results that are refined in the sharper
+stages of the descent. The criterion after the smooth stages predicts the final criterion well."""
 
 SMOOTH = 2
-"""Number of stages (the first of `STAGES`) of the short descents."""
+"""Number of stages in a short descent: the first stages of `STAGES`."""
 
 AMPLITUDE = 1.5
-"""Bound of the uniform random coefficients, as in the thesis. The series is then scaled to keep the limits."""
+"""Bound of the uniform random coefficients of a starting point [rad/s or m/s], as in the thesis. The series is then
+scaled so that it keeps the limits."""
 
 PERTURBATIONS = (0.1, 0.3, 0.8)
-"""RMS of the perturbations of the best plan, relative to the RMS of the plan."""
+"""RMS of the perturbations of the best plan's unknowns, divided by the RMS of these unknowns."""
 
 START_UTILISATION = 0.95
-"""Utilisation of the limits to which random starts are scaled."""
+"""Utilisation of the limits to which each joint of a random starting point is scaled."""
 
 Progress = Callable[["SearchCandidate", float, int], None]
-"""Callback. Its arguments are the best plan so far, the elapsed time [s] and the number of finished descents."""
+"""Function that is called to report progress, with the best plan so far, the elapsed time [s] and the number of
+finished descents."""
 
 
 TINY = 1e-4
-"""Standard deviation of the unknowns of a very small motion [rad/s]. A limit that this motion violates excludes any
-motion."""
+"""Standard deviation of the unknowns of a very small motion [rad/s or m/s]. A limit that this motion violates
+excludes any motion."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -73,7 +75,7 @@ class SearchCandidate:
     """Plan that keeps every limit on the grid of the search.
 
     Attributes:
-        x: Unknowns, shape (n k,).
+        x: Unknowns of the plan, shape (n k,).
         value: Value of the criterion, computed without smoothing.
         round: Number of the round in which the plan was found.
         kind: Kind of the starting point of the descent: `start`, `random`, `shaken` (a perturbed plan) or `given`.
@@ -93,7 +95,7 @@ class Search:
         best: The best plan.
         rounds: Number of completed rounds.
         descents: Number of descents done.
-        seconds: Wall time [s].
+        seconds: Wall time of the search [s].
         interrupted: True if the user stopped the search.
         history: Elapsed time [s] and value of the best plan so far, at the start and after each descent.
     """
@@ -126,7 +128,7 @@ class _Outcome:
     Attributes:
         task: Input of the descent.
         reached: Unknowns at the end of the descent; `None` if they cannot be scaled to keep the limits.
-        inside: Unknowns scaled about the start pose to keep the limits.
+        inside: Unknowns after scaling about the start pose, so that the plan keeps the limits.
         value: Criterion at `inside`.
         begun: True if the descent began before the deadline.
     """
@@ -140,13 +142,13 @@ class _Outcome:
 
 @lru_cache(maxsize=4)
 def _problem(pickled: bytes) -> tuple[DescentProblem, Objective]:
-    """Unpickled optimisation problem, and the grid on which plans are compared."""
+    """Unpickles an optimisation problem, and returns it with the grid on which plans are compared; cached."""
     problem: DescentProblem = pickle.loads(pickled)
     return problem, problem.fine
 
 
 def random_start(problem: DescentProblem, grid: Objective, rng: np.random.Generator) -> Array:
-    """Unknowns (n k,) of a random series that starts at rest, with each joint scaled to its own limits."""
+    """Unknowns (n k,) of a random series that starts at rest; the amplitude of each joint is scaled to its limits."""
     basis = problem.basis
     c = rng.uniform(-AMPLITUDE, AMPLITUDE, (basis.n, 2 * basis.harmonics + 1))
     c[:, -1] = basis.start
@@ -168,7 +170,7 @@ def random_start(problem: DescentProblem, grid: Objective, rng: np.random.Genera
 
 
 def _run(pickled: bytes, task: _Task) -> _Outcome:
-    """Runs one descent; the outcome has no plan if none keeps the limits, or if the deadline has passed."""
+    """Runs one descent; the outcome has no plan if no scaled motion keeps the limits or the deadline has passed."""
     if time.time() > task.deadline:
         return _Outcome(task, begun=False)
     problem, grid = _problem(pickled)
@@ -194,12 +196,12 @@ def _run(pickled: bytes, task: _Task) -> _Outcome:
 
 
 def _ignore_interrupts() -> None:
-    """Ignores Ctrl-C in a worker process: the parent process handles it."""
+    """Makes a worker process ignore Ctrl-C, which the parent process handles."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _context() -> BaseContext:
-    """Start method of processes: the fast method `fork` if this process has only one thread, otherwise `spawn`."""
+    """Start method of worker processes: the faster `fork` if this process has only one thread, otherwise `spawn`."""
     tasks = Path("/proc/self/task")
     one_thread = tasks.is_dir() and len(list(tasks.iterdir())) == 1
     return multiprocessing.get_context("fork" if one_thread else "spawn")
@@ -207,7 +209,7 @@ def _context() -> BaseContext:
 
 @contextmanager
 def single_threaded_pool(workers: int) -> Generator[Executor]:
-    """Pool of processes whose BLAS uses one thread each, which is faster for small matrices.
+    """Context manager with a pool of processes whose BLAS uses one thread each, which is faster for small matrices.
 
     If this process was started with `OPENBLAS_NUM_THREADS=1`, the workers are forked, which takes less time.
 
@@ -266,7 +268,7 @@ class _Round:
 
 
 class _Incumbent:
-    """Best plan so far, with the history of the criterion and the function that reports progress."""
+    """Best plan so far, with the history of its criterion and the function that reports progress."""
 
     def __init__(self, problem: DescentProblem, progress: Progress | None, began: float) -> None:
         self.pickled = pickle.dumps(problem)
@@ -277,7 +279,7 @@ class _Incumbent:
         self._progress, self._began = progress, began
 
     def update(self, x: Array, value: float, number: int, kind: str) -> None:
-        """Replaces the best plan by a given feasible plan if the criterion of the given plan is smaller."""
+        """Replaces the best plan by a feasible plan with unknowns x if the criterion `value` is smaller."""
         if self.best is None or value < self.best.value:
             self.best = SearchCandidate(x, value, number, kind)
         if self._progress is not None:
@@ -313,9 +315,9 @@ def search(
         problem: Criterion, unknowns and limits.
         seed: Seed of the random starts and perturbations.
         budget: Wall time [s]; if `None`, the search ends after `rounds` only.
-        rounds: Largest number of rounds. If the search ends because this number is reached, machines of the same kind
-            give the same plan.
-        executor: Runs the descents; without it, they are run in this process.
+        rounds: Largest number of rounds; `None` for no limit. If the search ends because this number is reached,
+            machines of the same kind give the same plan.
+        executor: Executor that runs the descents; if not given, they are run in this process.
         given: Plans that are compared first, each with unknowns of shape (n k,).
         progress: Function that is called whenever a plan has been compared with the best plan.
 
@@ -354,7 +356,7 @@ def search(
 
 
 def _check_first(incumbent: _Incumbent, first: Array) -> None:
-    """Raises an error if the start pose violates a limit, or if the first motion (n k,) does not move any joint."""
+    """Raises an error if the start pose violates a limit, or if in the first motion (n k,) no joint can move."""
     still, tiny = 0.0 * first, TINY * np.random.default_rng(0).normal(size=len(first))
     if max_utilisation(incumbent.problem, incumbent.grid, first) > 1.0 + 1e-6:
         remedy = _most_violated(incumbent, still)
@@ -365,7 +367,7 @@ def _check_first(incumbent: _Incumbent, first: Array) -> None:
 
 
 def _run_tasks(incumbent: _Incumbent, tasks: Sequence[_Task], executor: Executor | None) -> list[_Outcome]:
-    """Runs tasks and adds each outcome when it is ready; outcomes that are ready together are sorted by number."""
+    """Runs tasks and adds each outcome as soon as it is ready; simultaneous outcomes are sorted by task number."""
     results: list[_Outcome] = []
     if executor is None:
         for task in tasks:

@@ -24,13 +24,13 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 
 SIGNIFICANT = 3.0
-"""Ratio of estimate and standard deviation from which a parameter counts as significant. By chance, the ratio is
-larger for three of a thousand parameters whose true value is zero."""
+"""Ratio of an estimate to its standard deviation above which a parameter counts as significant. By chance, the ratio
+is larger for three of a thousand parameters whose true value is zero."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CriterionGoal:
-    """Criterion of a motion, with the model and the noise that determine its information.
+    """Criterion of a motion, with the model, the noise and the prior that determine the information matrix.
 
     Attributes:
         model: Arm and torque terms.
@@ -79,11 +79,11 @@ class CriterionGoal:
 
     @property
     def source(self) -> ColumnSource:
-        """Model and layout of the columns of the base parameters."""
+        """Source of the regressor columns of the base parameters: the model, and the layout of the columns."""
         return column_source(self.model, self.base)
 
     def value(self, G: Array) -> float:
-        """Criterion of an information matrix, with exact eigenvalues."""
+        """Criterion of an information matrix (b, b), computed with exact eigenvalues."""
         return make_criterion(self.criterion, np.inf, self.prediction, self.scale)(G)[0]
 
 
@@ -97,7 +97,7 @@ class Objective:
             at the rate of the goal.
         width: Width of the tanh that replaces signs [rad/s or m/s]; if 0, the laws are not smoothed.
         sharpness: Exponent p of the norms that replace extreme eigenvalues.
-        times: Points of the grid if it is not uniform over a period, shape (samples,) [s].
+        times: Points of the grid, shape (samples,) [s]; a uniform grid of one period if not given.
     """
 
     def __init__(
@@ -124,11 +124,11 @@ class Objective:
 
     @cached_property
     def columns(self) -> Columns:
-        """Regressor columns of the base parameters on the grid, allocated at first use; limits do not need them."""
+        """Regressor columns of the base parameters on the grid; allocated on first use."""
         return Columns(self.goal.source, len(self.times), self._width)
 
     def columns_of(self, source: ColumnSource) -> Columns:
-        """Columns of another model on the grid, smoothed like the columns of the goal; allocated at first use."""
+        """Regressor columns of another model on the grid, smoothed like those of the goal; allocated on first use."""
         if source not in self._of_others:
             self._of_others[source] = Columns(source, len(self.times), self._width)
         return self._of_others[source]
@@ -141,7 +141,7 @@ class Objective:
         return q, dq, ddq
 
     def information(self, x: ArrayLike) -> Array:
-        """Information matrix G (b, b) of a series; it includes the prior."""
+        """Information matrix G (b, b) of the series with unknowns x, shape (n k,); it includes the prior."""
         self.columns.fill(*self.states(x))
         G = self.columns.information(self._weights)
         return G if self.goal.prior is None else G + self.goal.prior
@@ -156,7 +156,7 @@ class Objective:
         return value, self.pullback(self.columns.information_gradient(slopes, self._weights))
 
     def pullback(self, gradient: tuple[Array, ...]) -> Array:
-        """Gradient (n k,) by the unknowns, from gradients (N, n) by positions, velocities and further derivatives."""
+        """Gradient (n k,) by the unknowns, from gradients (N, n) by positions, velocities and higher derivatives."""
         total = sum(matrix.T @ part for matrix, part in zip(self.matrices, gradient, strict=False))
         return np.asarray(total).T.ravel()
 
@@ -169,15 +169,15 @@ def information_along(goal: CriterionGoal, motion: Motion) -> Array:
 
 
 def along(goal: CriterionGoal, motion: Motion) -> Array:
-    """Information matrix G (b, b) of a motion with the goal's repetitions and prior."""
+    """Information matrix G (b, b) of a motion, with the repetitions and the prior of the goal."""
     G = goal.repetitions * information_along(goal, motion)
     return G if goal.prior is None else G + goal.prior
 
 
 def known_sizes(values: Array, deviations: Array) -> Array | None:
-    """Typical values of parameters, by which the criterion `worst` divides standard deviations.
+    """Typical values of parameters, for the criterion `worst`, which divides standard deviations by them.
 
-    The typical value of a parameter is its estimate if this is at least `SIGNIFICANT` standard deviations from zero.
+    The typical value of a parameter is its estimate if this is more than `SIGNIFICANT` standard deviations from zero.
     The other parameters are zero because of a symmetry of the arm, or cannot be distinguished from noise. A relative
     deviation has no meaning for them, so their typical value is infinite.
 

@@ -15,7 +15,7 @@ from armid.information.base_regressor_layout import ColumnSource
 
 
 class Columns:
-    """Regressor columns at N samples, their information matrix, and gradients with respect to the states.
+    """Regressor columns of the base parameters at N samples, their information matrix, and gradients by the states.
 
     Args:
         source: Model and layout of the columns.
@@ -33,17 +33,20 @@ class Columns:
         self._states = (self._none, self._none, self._none)
 
     def fill(self, q: Array, dq: Array, ddq: Array) -> None:
-        """Evaluates the regressor columns at states q, dq, ddq, each (N, n), for the other methods."""
+        """Evaluates the regressor columns at states q, dq, ddq, (N, n) each; the other methods use the result."""
         self._states = (q, dq, ddq)
         self._term_rows.fill(self._states, self._terms)
 
     def information(self, weights: Array) -> Array:
-        """Information matrix G = Σ_j weights_j Y_jᵀ Y_j, shape (b, b), with the rows Y_j of joint j."""
+        """Information matrix G = Σ_j weights_j Y_jᵀ Y_j, shape (b, b), with the rows Y_j (N, b) of joint j."""
         count = len(self.source.names)
         return kernel.information(self.source.tree, self._layout, *self._states, self._terms, weights, count)
 
     def information_gradient(self, slopes: Array, weights: Array) -> tuple[Array, Array, Array]:
-        """Gradient by q, dq, ddq (N, n) of a function of G whose symmetric derivative by G is `slopes` (b, b)."""
+        """Gradients by q, dq, ddq, (N, n) each, of a function of G with the derivative `slopes` (b, b) by G.
+
+        `slopes` must be symmetric.
+        """
         *gradient, adjoint = kernel.information_adjoint(
             self.source.tree, self._layout, *self._states, self._terms, weights, slopes
         )
@@ -59,7 +62,7 @@ class Columns:
         )
 
     def torque_gradient(self, values: Array, joint: int, slopes: Array) -> tuple[Array, Array, Array]:
-        """Gradient by q, dq, ddq (N, n) of the sum over samples of slopes (N,) times the torque of one joint."""
+        """Gradients by q, dq, ddq, (N, n) each, of the sum over samples of slopes (N,) times a joint's torque."""
         cotangent = np.zeros((self._layout.columns, self.samples))
         p, start = self._layout.parameters[joint], self._layout.offset[joint]
         np.multiply(values[p][:, None], slopes, out=cotangent[start : start + len(p)])

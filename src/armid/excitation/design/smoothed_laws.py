@@ -1,9 +1,9 @@
 """Smooth approximations of friction laws with corners, for a gradient-based search.
 
-The derivative of sign(q̇) is zero wherever it exists. Without smoothing, a search would therefore not see how the
-times of the reversals affect the friction columns. A search replaces every sign by a tanh with a width [rad/s or m/s]
-that is reduced from stage to stage. A tanh in a law that is narrower is replaced by a tanh with this width. Reported
-values are computed with the laws that are not smoothed.
+The derivative of sign(q̇) is zero wherever it exists. Without smoothing, the gradient would therefore not contain the
+effect of the times of the reversals on the friction columns. A search replaces every sign by a tanh with a width
+[rad/s or m/s] that is reduced from stage to stage. A narrower tanh in a law is replaced by a tanh with this width.
+Reported values are computed with the laws that are not smoothed.
 """
 
 from __future__ import annotations

@@ -24,22 +24,22 @@ from armid.excitation.limits.constraint_channels import ConstraintChannel, State
 from armid.excitation.rest_to_rest_basis import SeriesBasis
 
 CHECKED = 80.0
-"""Points per period of the highest harmonic, for the grid on which plans are compared. The maximum of a quantity on
-this grid is smaller than its true maximum by less than a thousandth."""
+"""Number of points, per period of the highest harmonic, of the grid on which plans are compared. The maximum of a
+quantity on this grid is smaller than its true maximum by less than a thousandth."""
 
 FEASIBLE = 1.0 + 1e-9
-"""Utilisation up to which a limit counts as kept; the excess over 1 allows for rounding errors."""
+"""Largest utilisation at which a limit counts as kept; the excess over 1 allows for rounding errors."""
 
 DIVERGED = 2.0
-"""Utilisation of a limit from which a stage of the descent counts as diverged. If bodies overlap deeply, further
-steps increase the overlap."""
+"""Utilisation of a limit at and above which a stage of the descent counts as diverged. If bodies overlap deeply,
+further steps increase the overlap."""
 
 HALVINGS, FURTHER = 14, 11
-"""Number of bisections that determine the factor of the amplitudes to 6e-5; and number of additional bisections on
-the whole grid, if the first ones used only a part of the grid."""
+"""Number of bisections that determine the factor by which amplitudes are reduced, with an error of 6e-5; and number
+of additional bisections with all points of the grid, if the first ones used only a part of the points."""
 
 SPARSE = 8
-"""Stride of the grid points that are used first if distances of bodies are limited."""
+"""Stride of the grid points that are tested first if distances of bodies are limited."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class Stage:
     """Stage of a descent: its smoothing and its number of iterations.
 
     Attributes:
-        density: Points of the grid per period of the highest harmonic.
+        density: Number of grid points per period of the highest harmonic.
         width: Width of the tanh that replaces signs, divided by `scale` of the problem.
         sharpness: Exponent p of the p-norms that replace extreme eigenvalues.
         limit_sharpness: Exponent p of the soft maxima of the constraint channels.
@@ -69,13 +69,13 @@ STAGES = (
     Stage(20.0, 0.02, 200.0, 3000.0, 60),
     Stage(20.0, 0.02, 200.0, 3000.0, 40),
 )
-"""Stages in order of decreasing smoothness. If two widths of the tanh are added or left out, the criterion changes by
-a few percent of its spread over random starts."""
+"""Stages of a descent, in order of decreasing smoothness. If two stages with other widths of the tanh are added or
+left out, the final criterion changes only by a few percent of its spread over random starting points."""
 
 
 @dataclass(frozen=True, eq=False)
 class DescentProblem:
-    """Optimisation problem of an excitation.
+    """Optimisation problem of an excitation: criterion, unknowns and limits.
 
     Attributes:
         goal: Criterion of the motion.
@@ -95,7 +95,7 @@ class DescentProblem:
         return Objective(self.goal, self.basis, samples, width=stage.width * self.scale, sharpness=stage.sharpness)
 
     def near(self, states: States) -> list[ConstraintChannel]:
-        """Constraint channels for motions near a given one; of many pairs of bodies, only the close pairs."""
+        """Constraint channels for motions near a given one; of many pairs of bodies, only those that come close."""
         return [channel.near(states) if isinstance(channel, Clearance) else channel for channel in self.channels]
 
     @cached_property
@@ -104,7 +104,7 @@ class DescentProblem:
         return self.grid(max(200, round(CHECKED * self.basis.harmonics)))
 
     def grid(self, samples: int) -> Objective:
-        """Grid of one period, with laws that are not smoothed."""
+        """Uniform grid of one period with a number of points, with laws that are not smoothed."""
         return Objective(self.goal, self.basis, samples)
 
 
@@ -114,13 +114,13 @@ class _DeadlineError(Exception):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Point:
-    """Criterion, limits and their gradients at one point.
+    """Criterion, limits and their gradients at one point in the space of the unknowns.
 
     Attributes:
-        x: The point, shape (n k,).
-        criterion: Criterion and its gradient.
-        utilisations: Utilisations of the limits, channel by channel.
-        slopes: Gradients of the utilisations.
+        x: Unknowns, shape (n k,).
+        criterion: Criterion and its gradient (n k,).
+        utilisations: For each channel, soft maxima of the utilisations of its limits, shape (m,).
+        slopes: For each channel, gradients of these maxima, shape (m, n k).
     """
 
     x: Array
@@ -130,7 +130,7 @@ class _Point:
 
 
 class _Evaluation:
-    """Criterion, limits and their gradients in one stage of a descent, computed once for each point of SLSQP."""
+    """Criterion, limits and gradients in a stage of a descent, computed once for each point that SLSQP tries."""
 
     def __init__(self, problem: DescentProblem, stage: Stage, x: Array, deadline: float) -> None:
         self._objective = problem.objective(stage)
@@ -152,7 +152,7 @@ class _Evaluation:
         return self._at(x).criterion
 
     def limits(self, x: Array) -> Array:
-        """Margins to all limits at the unknowns x: one minus the utilisation of each limit."""
+        """Margins to all limits at the unknowns x, shape (n k,): one minus the utilisation of each limit."""
         return 1.0 - np.concatenate(self._at(x).utilisations)
 
     def limit_slopes(self, x: Array) -> Array:
@@ -160,7 +160,7 @@ class _Evaluation:
         return -np.concatenate(self._at(x).slopes)
 
     def _at(self, x: Array) -> _Point:
-        """Criterion, limits and gradients at x; they are stored for the last point."""
+        """Criterion, limits and gradients at x, shape (n k,); the results for the last point are stored."""
         if self.last is None or x.tobytes() != self.last.x.tobytes():
             x = x.copy()
             criterion = self._objective(x)
@@ -214,7 +214,11 @@ def descend(problem: DescentProblem, x: Array, stages: tuple[Stage, ...], deadli
 
 
 def _safeguarded(problem: DescentProblem, reached: Array, before: Array) -> Array:
-    """Result of a stage of the descent; if the stage has diverged, the scaled result or the starting point."""
+    """Result of a stage of the descent if the stage has not diverged.
+
+    Otherwise the result is scaled so that it keeps the limits; if that fails or is worse, the starting point is
+    returned.
+    """
     if not np.isfinite(reached).all():
         return before
     if max_utilisation(problem, problem.fine, reached) < DIVERGED:
@@ -226,9 +230,9 @@ def _safeguarded(problem: DescentProblem, reached: Array, before: Array) -> Arra
 
 
 def utilisation(problem: DescentProblem, grid: Objective, x: Array) -> list[Array]:
-    """Values divided by their limits at the N points of a grid; 1 means that the limit is reached.
+    """Utilisations of all limits at the N points of a grid: values divided by their limits.
 
-    There is one array (N, m) for each kind of limit (channel), where m is its number of limited quantities.
+    There is one array (N, m) for each channel (kind of limit), where m is its number of limited quantities.
     """
     states = States(grid, np.asarray(x), rough=True)
     return [channel.values(states) for channel in problem.channels]
@@ -240,7 +244,7 @@ def max_utilisation(problem: DescentProblem, grid: Objective, x: Array) -> float
 
 
 def _inside(problem: DescentProblem, grid: Objective, x: Array, limit: float) -> bool:
-    """Tests whether every limit is kept on a grid; collisions are tested last, because they take longest."""
+    """Checks whether every limit is kept on a grid; collisions are checked last, because this takes longest."""
     states = States(grid, np.asarray(x), rough=True)
     return all(float(channel.values(states).max()) <= limit for channel in problem.channels)
 

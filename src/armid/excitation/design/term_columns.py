@@ -1,7 +1,7 @@
-"""Regressor columns of all torque terms except rigid bodies along a motion, and gradients of these columns.
+"""Regressor columns of all torque terms except rigid bodies along a motion, and their gradients.
 
 Columns with the same law are evaluated together. Common subexpressions of a law and its derivatives are computed
-once: tanh(x/w) and its derivative need only one tanh.
+once; for instance, tanh(x/w) and its derivative need only one tanh.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class _ExpressionProgram:
         return len(self._steps) - 1
 
     def __call__(self, states: dict[str, Array]) -> list[Array]:
-        """Values of the expressions for arrays of the states, given by symbol; one array for each expression."""
+        """Values of the expressions, one array for each, for given arrays of the states (by symbol)."""
         values: list[Array] = []
         for (name, inputs), constant in zip(self._steps, self._constants, strict=True):
             if constant is not None:
@@ -69,7 +69,7 @@ class _ExpressionProgram:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Group:
-    """Columns with the same law.
+    """Rows of the torque terms that have the same law.
 
     Attributes:
         rows: Indices of the group's rows among the rows of all terms, shape (e,).
@@ -77,7 +77,7 @@ class _Group:
             their weighted sum.
         joints: Index of the joint of each row, shape (e,); `None` if a coordinate combines several joints.
         weight: Factor of each row, shape (e, 1).
-        slopes: Indices in `STATES` of the states that the law depends on.
+        slopes: Indices in `STATES` of the states on which the law depends.
         steps: Program that evaluates the smoothed law and its derivatives by these states.
     """
 
@@ -90,7 +90,7 @@ class _Group:
 
 
 def _groups(source: ColumnSource, width: float) -> tuple[_Group, ...]:
-    """Rows of the terms that the layout keeps, grouped by law."""
+    """Groups the rows of the terms that the layout contains by their law."""
     by_law: dict[Expression, list[int]] = {}
     entries = [source.model.entries[e] for e in source.layout.kept]
     for row, (_, _, law, _) in enumerate(entries):
@@ -120,7 +120,7 @@ def _groups(source: ColumnSource, width: float) -> tuple[_Group, ...]:
 
 
 class TermRows:
-    """Rows (e, N) of the torque terms of a model, evaluated at the states of the last call of `fill`.
+    """Regressor columns of the torque terms of a model, as rows (e, N), at the states of the last call of `fill`.
 
     Args:
         source: Model and layout of the columns.
@@ -134,7 +134,10 @@ class TermRows:
         self._load = LoadTorque(source.model) if loaded else None
 
     def fill(self, states: tuple[Array, Array, Array], rows: Array) -> None:
-        """Computes the rows (e, N) of the torque terms at states q, dq, ddq, each (N, n), and their derivatives."""
+        """Computes the rows (e, N) and their derivatives at states q, dq, ddq, (N, n) each.
+
+        The rows are written to `rows`; the derivatives are stored for `pullback`.
+        """
         self._slopes = []
         values_of_all = states if self._load is None else (*states, self._load.fill(states))
         for group in self._groups:
@@ -147,7 +150,10 @@ class TermRows:
             self._slopes.append(slopes)
 
     def pullback(self, adjoint: Array, gradient: tuple[Array, ...]) -> None:
-        """Adds the gradient of Σ adjoint · rows, both (e, N), to the gradients by q, dq, ddq, each (N, n)."""
+        """Adds the gradient of the sum of adjoint times rows, (e, N) each, to the gradients by the states.
+
+        `gradient` contains the gradients by q, dq and ddq, (N, n) each.
+        """
         by_load = np.zeros_like(gradient[0])
         by_state = (*gradient, by_load)
         for group, slopes in zip(self._groups, self._slopes, strict=True):

@@ -25,7 +25,7 @@ def problem(track: SampledMotion) -> str:
 
 
 def write(track: SampledMotion) -> bytes:
-    """Writes one row for each cycle; the file does not contain the cycle time."""
+    """Writes one row of joint positions for each cycle; the file does not contain the cycle time."""
     text = io.StringIO()
     np.savetxt(text, track.motion.q, delimiter=",", fmt=f"%.{DECIMALS}f")
     return text.getvalue().encode()

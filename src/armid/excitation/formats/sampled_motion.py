@@ -12,22 +12,22 @@ from armid.errors import ArmidError
 from armid.model.motion import Motion
 
 PLAN_MARK = "armid-plan "
-"""Text before the plan in formats that have comments; the plan is one line of JSON in a comment."""
+"""Text before the plan in files whose format has comments; the plan is one line of JSON in a comment."""
 
 
 DECIMALS = 9
-"""Decimals of the numbers in tables. A nanoradian or a nanometre is far below the resolution of encoders."""
+"""Number of decimals in tables. A nanoradian or a nanometre is far below the resolution of encoders."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SampledMotion:
-    """Motion sampled for a controller.
+    """Motion sampled at the rate of a controller.
 
     Attributes:
         name: Name of the arm.
         joints: Names of the joints.
         prismatic: For each joint, true if it is prismatic.
-        motion: Samples at the controller's rate.
+        motion: Samples of the motion.
         plan: The plan as one line of JSON; empty if it is not known.
     """
 
@@ -48,7 +48,7 @@ class Format(Protocol):
 
     Attributes:
         SUFFIX: Suffix of the file name.
-        RATE: Default rate [Hz].
+        RATE: Default sample rate [Hz].
     """
 
     SUFFIX: str
@@ -63,7 +63,7 @@ class Format(Protocol):
         ...
 
     def read(self, content: bytes) -> SampledMotion:
-        """Reads a motion that `write` has written; data that the format cannot contain are missing."""
+        """Reads a motion that `write` has written; data that the format cannot represent are missing."""
         ...
 
 
@@ -74,7 +74,7 @@ def plan_in_comments(text: str, comment: str) -> str:
 
 
 def number_rows(text: str, columns: int | None = None) -> Array:
-    """Comma-separated rows of numbers as an array, shape (N, columns).
+    """Reads comma-separated rows of numbers into an array, shape (N, columns).
 
     Raises:
         ArmidError: The text contains something else, or the number of columns is wrong.

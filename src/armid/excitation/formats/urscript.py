@@ -1,4 +1,4 @@
-"""URScript program for Universal Robots: `movej` moves to the first pose, `servoj` then sends the other poses."""
+"""URScript program for Universal Robots: `movej` to the first pose, then `servoj` to each of the other poses."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from armid.excitation.formats.sampled_motion import (
 
 SUFFIX = ".script"
 RATE = 125.0
-"""Default rate [Hz]: the rate of older controllers, and a fourth of the 500 Hz of newer controllers."""
+"""Default sample rate [Hz]: the rate of older controllers, and a fourth of the 500 Hz of newer controllers."""
 
 JOINTS = 6
 LOOKAHEAD, GAIN = 0.1, 300

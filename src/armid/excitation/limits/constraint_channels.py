@@ -1,7 +1,7 @@
-"""Constraint channels: utilisations of limits (value divided by limit) along a series, with exact gradients.
+"""Constraint channels: utilisations of limits (values divided by their limits) along a series, with exact gradients.
 
-A channel has m values u at each of the N samples of a series. Each is a utilisation: the value divided by its limit,
-which must be at most one. A search needs a smooth maximum over the samples. With an exponent p it is
+A channel has m utilisations u at each of the N samples of a series; each must be at most one. A search needs a smooth
+maximum over the samples. With an exponent p it is
 
     max + log(Σ exp(p (u - max))) / p.
 
@@ -25,17 +25,17 @@ from armid.information.base_regressor_layout import ColumnSource
 from armid.robot.kinematics import forward_kinematics
 
 ROUND = 1e-8
-"""Number that is added under the square root of an amplitude [(rad/s)²], so that the amplitude has a derivative where
-a harmonic vanishes."""
+"""Number that is added to a² + b² under the square root of an amplitude [(rad/s)² or (m/s)²], so that the amplitude
+has a derivative if a harmonic vanishes."""
 
 
 class States:
-    """Motion of a series on the grid of an objective, with cached values that several channels use.
+    """Motion of a series on the grid of an objective, with cached quantities that several channels use.
 
     Args:
         objective: Grid, matrices and columns.
         x: Unknowns of the series, shape (n k,).
-        filled: True if the columns of the objective have been evaluated at `x`.
+        filled: True if the columns of the objective are already evaluated at `x`.
         rough: True if distances of bodies that are far apart may be replaced by lower bounds, which have no
             gradients.
     """
@@ -78,17 +78,17 @@ class States:
         )
 
     def _rise(self, order: int) -> Array:
-        """Upper bound of the rise of a position's derivative, of given order, between grid points, shape (n,)."""
+        """Upper bound (n,) of the rise of a position's derivative of given order between neighbouring grid points."""
         step = self.basis.period / len(self.derivatives[0])
         return step**2 / 8.0 * self.basis.peaks_between(self.x, order + 2)
 
     def pullback_positions(self, by_q: Array) -> Array:
-        """Gradients (m, n k) by the unknowns of m sums whose gradients by the positions are (N, m, n)."""
+        """Gradients (m, n k), by the unknowns, of m sums whose gradients by the positions are `by_q` (N, m, n)."""
         matrix = self.objective.matrices[0]
         return np.tensordot(by_q, matrix, axes=(0, 0)).reshape(by_q.shape[1], -1)
 
     def columns(self, source: ColumnSource | None = None) -> Columns:
-        """Regressor columns of a model along the motion; of the model of the design goal if no source is given."""
+        """Regressor columns along the motion, for the model of `source` or, if not given, of the design goal."""
         columns = self.objective.columns if source is None else self.objective.columns_of(source)
         if columns not in self._filled:
             columns.fill(*self.derivatives[:3])
@@ -101,11 +101,11 @@ class States:
 
 
 class ConstraintChannel(Protocol):
-    """Quantity along a series that has a limit (constraint channel).
+    """Quantity along a series that has a limit (constraint channel), with m limited values at each sample.
 
     Attributes:
         name: Name of the quantity, for instance `velocity`.
-        labels: Joint, pair of bodies or plane of each of its m values.
+        labels: Names of the joints, pairs of bodies or planes to which the m limits belong.
     """
 
     @property
@@ -115,7 +115,7 @@ class ConstraintChannel(Protocol):
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Name of the joint, pair of bodies or plane to which each of the m limits belongs."""
+        """Names of the joints, pairs of bodies or planes to which the m limits belong."""
         ...
 
     def values(self, states: States) -> Array:
@@ -123,7 +123,7 @@ class ConstraintChannel(Protocol):
         ...
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k) with respect to the unknowns, of m sums over the samples of values times weights."""
+        """Gradients (m, n k), by the unknowns, of the sums over the samples of utilisations times weights (N, m)."""
         ...
 
     def between(self, states: States, step: float) -> Array:
@@ -132,7 +132,7 @@ class ConstraintChannel(Protocol):
 
 
 def soft_maximum(values: Array, sharpness: float) -> tuple[Array, Array]:
-    """Smooth maximum (m,) of each column of values (N, m), and its derivative by the values, shape (N, m)."""
+    """Smooth maximum (m,) of each column of values (N, m), and its derivatives by the values, shape (N, m)."""
     highest = values.max(axis=0)
     weights = np.exp(sharpness * (values - highest))
     total = weights.sum(axis=0)
@@ -141,10 +141,10 @@ def soft_maximum(values: Array, sharpness: float) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RangeLimit:
-    """Limit of the range of the joint positions or of one of their derivatives.
+    """Constraint channel of the range of m joint positions, or of one of their derivatives.
 
     Attributes:
-        name: Name of the quantity.
+        name: Name of the limited quantity.
         order: Order of the derivative: 0 position, 1 velocity, 2 acceleration, 3 jerk.
         joints: Indices of the joints with a limit.
         labels: Names of these joints.
@@ -163,11 +163,11 @@ class RangeLimit:
         return (states.derivatives[self.order][:, self.joints] - self.middle) / self.half
 
     def values(self, states: States) -> Array:
-        """Distance from the middle of the range divided by half its width, shape (N, m)."""
+        """Utilisations (N, m): distance from the middle of the range divided by half the width of the range."""
         return np.abs(self._relative(states))
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k) with respect to the unknowns, of m sums over the samples of values times weights."""
+        """Gradients (m, n k), by the unknowns, of the sums over the samples of utilisations times weights (N, m)."""
         slopes = weights * np.sign(self._relative(states)) / self.half
         blocks = slopes.T @ states.objective.matrices[self.order]
         gradient = np.zeros((len(self.joints), states.basis.n, states.basis.size))
@@ -175,19 +175,19 @@ class RangeLimit:
         return gradient.reshape(len(self.joints), -1)
 
     def between(self, states: States, step: float) -> Array:
-        """Upper bound (m,) of the rise of each utilisation between grid points, from its second derivative."""
+        """Upper bound (m,) of the rise of each utilisation between grid points, from its second time derivative."""
         rise = step**2 / 8.0 * states.basis.peaks_between(states.x, self.order + 2)
         return rise[list(self.joints)] / self.half
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class AmplitudeLimit:
-    """Limit of the sum of the amplitudes of the harmonics, equations (3.55d) and (3.55e) of the thesis.
+    """Constraint channel of the sums of the amplitudes of the harmonics, equations (3.55d) and (3.55e) of the thesis.
 
     The sum bounds the motion for all phases of the harmonics.
 
     Attributes:
-        name: Name of the quantity.
+        name: Name of the limited quantity.
         order: 0 for Σ √(a²+b²) / (ω l), a bound of the distance from the offset; 1 for Σ √(a²+b²), a bound of the
             velocity. The sums are over the harmonics l with coefficients a and b and base frequency ω.
         joints: Indices of the joints with a limit.
@@ -215,7 +215,7 @@ class AmplitudeLimit:
         return (amplitude @ factors / self.limit)[None]
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k) with respect to the unknowns, of the values times weights (1, m)."""
+        """Gradients (m, n k), by the unknowns, of the utilisations times weights (1, m)."""
         c, amplitude, factors = self._parts(states)
         L = states.basis.harmonics
         slopes = np.zeros_like(c)
@@ -233,12 +233,12 @@ class AmplitudeLimit:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CoefficientLimit:
-    """Limit of every single coefficient of the series, equation (3.55f) of the thesis.
+    """Constraint channel of every single coefficient of the series, equation (3.55f) of the thesis.
 
     Attributes:
-        name: Name of the quantity.
+        name: Name of the limited quantity.
         joints: Indices of the joints with a limit.
-        labels: Joint of each coefficient; 2 L coefficients for each joint.
+        labels: Name of the joint of each coefficient; 2 L coefficients for each joint.
         limit: Limits of the coefficients a and b, shape (joints, L) [rad/s or m/s].
     """
 
@@ -256,7 +256,7 @@ class CoefficientLimit:
         return np.abs(self._relative(states))[None]
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k) with respect to the unknowns, of the values times weights (1, m)."""
+        """Gradients (m, n k), by the unknowns, of the utilisations times weights (1, m)."""
         L = states.basis.harmonics
         slopes = weights[0] * np.sign(self._relative(states)) / np.tile(self.limit, 2).ravel()
         gradient = np.zeros((len(self.labels), states.basis.n, states.basis.size))

@@ -29,7 +29,7 @@ KINDS = ("position", "velocity", "acceleration", "jerk", "effort")
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Limits:
-    """Limits of all joints; infinite if a joint has no such limit.
+    """Limits of all joints; infinite where a joint has no limit.
 
     Attributes:
         joints: Names of the joints.
@@ -73,9 +73,9 @@ class Limits:
 
         Args:
             motion: Motion whose peak values are used.
-            by_joint: True to limit each joint to its own peak values. If false, all joints are limited to the largest
-                ratio of velocity and velocity limit, and to the largest acceleration, that any joint reaches in the
-                motion.
+            by_joint: True if each joint is limited to its own peak values. If false, all joints are limited to the
+                largest ratio of velocity and velocity limit, and to the largest acceleration, that any joint reaches
+                in the motion.
         """
         tiny = np.finfo(float).tiny
         velocity, acceleration = (np.maximum(np.abs(x).max(axis=0), tiny) for x in (motion.dq, motion.ddq))
@@ -91,7 +91,7 @@ class Limits:
 
 
 def described_limits(robot: Robot) -> Limits:
-    """Limits of the robot description, which contains no limits of acceleration and jerk."""
+    """Limits that the robot description gives; it contains no limits of acceleration and jerk."""
     lower, upper = np.array([joint.position_limits for joint in robot.joints]).T
     velocity = np.array([joint.velocity_limit for joint in robot.joints])
     effort = np.array([joint.effort_limit for joint in robot.joints])
@@ -100,14 +100,14 @@ def described_limits(robot: Robot) -> Limits:
 
 
 def planned_limits(robot: Robot) -> Limits:
-    """Limits of the robot description for a planned motion; positions must stay within the soft limits, too."""
+    """Limits of the robot description for a planned motion, with positions also within the soft limits."""
     limits = described_limits(robot)
     soft = np.array([joint.soft_limits for joint in robot.joints])
     return replace(limits, lower=np.maximum(limits.lower, soft[:, 0]), upper=np.minimum(limits.upper, soft[:, 1]))
 
 
 def soft_limits_used(robot: Robot, limits: Limits) -> Finding | None:
-    """Finding that names the joints whose positions are bounded by soft limits; `None` if there are none."""
+    """Finding that names the joints whose positions are limited by soft limits; `None` if there are none."""
     planned, described = planned_limits(robot), described_limits(robot)
     bounded = [
         j for j in range(robot.n)
@@ -171,14 +171,14 @@ def limits_of(
 
     Args:
         robot: The arm.
-        given: Limits by joint and kind; a limit of position is a pair of lower and upper limit. Joints are names or
-            patterns such as `*`. A name takes precedence over a pattern, and a later pattern over an earlier one.
+        given: Limits by pair of joint and kind; a position limit is a pair of lower and upper limit. Joints are names
+            or patterns such as `*`. A name takes precedence over a pattern, and a later pattern over an earlier one.
         acceleration: Acceleration limit of every joint [rad/s² or m/s²]; `None` for no limit.
         jerk: Jerk limit of every joint [rad/s³ or m/s³]; `None` for no limit.
 
     Raises:
         ArmidError: A joint or kind does not exist, or a joint has no limit of position or velocity. Continuous joints
-            need no limit of position.
+            need no position limit.
     """
     values = _given(planned_limits(robot), robot, given or {}, acceleration, jerk)
     limits = Limits(robot.joint_names, **values)
@@ -212,7 +212,7 @@ def _given(
     acceleration: float | None = None,
     jerk: float | None = None,
 ) -> dict[str, Array]:
-    """Limits by kind, each (n,): limits of the description, in which the given limits are replaced."""
+    """Limits by kind, shape (n,) each: limits of the description, replaced by the given limits."""
     values = {
         "lower": described.lower.copy(),
         "upper": described.upper.copy(),
@@ -241,7 +241,9 @@ def _given(
 
 
 def with_limits(robot: Robot, given: Mapping[tuple[str, str], float | tuple[float, float]]) -> Robot:
-    """Robot in which given limits replace those of the description; arguments as of `limits_of`.
+    """Robot whose limits are those of the description, replaced by the given limits.
+
+    The arguments are those of `limits_of`.
 
     Raises:
         ArmidError: A joint or kind does not exist.
@@ -260,7 +262,7 @@ def with_limits(robot: Robot, given: Mapping[tuple[str, str], float | tuple[floa
 
 
 def _examples(without: Sequence[tuple[str, str]], joints: int) -> str:
-    """Command options that give the missing limits; a pattern is used only if all joints lack the same limit."""
+    """Text with command options that give the missing limits; patterns are used only if all joints lack a limit."""
     options: list[str] = []
     for kind, value in (("position", "-1.5:1.5"), ("velocity", "1.0")):
         missing = [name for name, lacking in without if lacking == kind]
@@ -279,7 +281,7 @@ def _finite(values: Array) -> NDArray[np.intp]:
 
 
 def motion_channels(limits: Limits) -> tuple[ConstraintChannel, ...]:
-    """Constraint channels of the limits of position, velocity, acceleration and jerk."""
+    """Constraint channels of the limits of position, velocity, acceleration and jerk, as far as limits are known."""
     names = limits.joints
     bounded = _finite(limits.upper - limits.lower)
     low, high = limits.lower[bounded], limits.upper[bounded]
@@ -337,7 +339,7 @@ def torque_channel(limits: Limits, base: Array, margin: float, described: Torque
     Args:
         limits: Limits of the joints.
         base: Base parameters (of the description or identified), shape (b,).
-        margin: Share of the limit that is not used, from 0 to below 1.
+        margin: Share of the limit that must not be used, from 0 to below 1.
         described: Model to which the base parameters belong; the model of the goal if not given.
 
     Raises:

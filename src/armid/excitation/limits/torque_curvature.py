@@ -1,4 +1,4 @@
-"""Bound of the second derivative in time of the torque of rigid links along a series.
+"""Upper bound of the second time derivative of the torque of rigid links along a series.
 
 Sums of amplitudes bound every time derivative of a joint position along a series. Along the kinematic chain, bounds
 of the norms of vectors follow from these sums. A vector u that is fixed in a link has the derivative u' = ω x u.
@@ -26,12 +26,13 @@ depends."""
 
 
 def torque_curvature(tree: Tree, inertial: Array, derivatives: Array) -> Array:
-    """Bound of the second time derivative of the torque of every joint, shape (n,) [N·m/s² or N/s²].
+    """Upper bound of the second time derivative of the torque of every joint, shape (n,) [N·m/s² or N/s²].
 
     Args:
         tree: The arm.
         inertial: Inertial parameters of the links, shape (n, 10); they need not be physically consistent.
-        derivatives: Bounds of the joint positions and of their first four time derivatives, shape (5, n).
+        derivatives: Upper bounds of the absolute values of the joint positions and of their first four time
+            derivatives, shape (5, n).
     """
     turning, fixed, levers = _chain(tree, derivatives)
     gravity = float(np.linalg.norm(tree.gravity))
@@ -63,7 +64,7 @@ def torque_curvature(tree: Tree, inertial: Array, derivatives: Array) -> Array:
 
 
 def _chain(tree: Tree, derivatives: Array) -> tuple[list[Jet], list[Jet], list[Jet]]:
-    """Bounds (jets) of the angular velocities, of unit vectors fixed in links, and of origins relative to parents."""
+    """Jets of the angular velocities of links, of unit vectors fixed in them, and of origins relative to parents."""
     turning: list[Jet] = []
     fixed: list[Jet] = []
     levers: list[Jet] = []
@@ -83,7 +84,7 @@ def _chain(tree: Tree, derivatives: Array) -> tuple[list[Jet], list[Jet], list[J
 
 
 def _rest() -> Jet:
-    """Bounds of the norms of a constant unit vector and of its first `ORDERS` time derivatives (jet)."""
+    """Jet of a constant unit vector: 1 for its norm and zeros for its first `ORDERS` time derivatives."""
     return (1.0, *(0.0,) * ORDERS)
 
 
@@ -92,12 +93,15 @@ def _sum(a: Jet, b: Jet) -> Jet:
 
 
 def _product(a: Jet, b: Jet) -> Jet:
-    """Bounds (jet) of a product and its time derivatives, from the jets of both factors, by Leibniz's rule."""
+    """Jet of a product, from the jets of both factors, by Leibniz's rule."""
     return [sum(comb(k, i) * a[i] * b[k - i] for i in range(k + 1)) for k in range(len(a))]
 
 
 def _turned(turning: Jet, factor: float) -> Jet:
-    """Bounds (jet) of a quantity x of norm one, fixed in a link, and its derivatives; |x'| ≤ factor · |ω| · |x|."""
+    """Jet of a quantity x of norm one that is fixed in a link, with |x'| ≤ factor · |ω| · |x|.
+
+    `turning` is the jet of the angular velocity ω of the link.
+    """
     result = [1.0]
     for k in range(len(turning)):
         result.append(factor * sum(comb(k, i) * turning[i] * result[k - i] for i in range(k + 1)))
@@ -105,11 +109,11 @@ def _turned(turning: Jet, factor: float) -> Jet:
 
 
 def _tensor(turning: Jet) -> Jet:
-    """Bounds (jet) of a tensor T of norm one, fixed in a link, and its derivatives; T' = ω x T - T x ω."""
+    """Jet of a tensor T of norm one that is fixed in a link, with T' = ω x T - T x ω."""
     return _turned(turning, 2.0)[: len(turning)]
 
 
 def _size(second: Array) -> float:
-    """Spectral norm of the inertia matrix with the elements Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
+    """Spectral norm of the inertia matrix with the entries Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
     xx, xy, yy, xz, yz, zz = second
     return float(np.abs(np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])).max())

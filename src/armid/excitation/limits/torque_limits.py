@@ -19,7 +19,7 @@ from armid.model.dynamics_model import DynamicsModel
 
 @dataclass(frozen=True, eq=False)
 class TorqueModel:
-    """Model that gives the torque to be limited, if it is not the model of the criterion.
+    """Model that computes the torque to be limited, if it differs from the model of the criterion.
 
     Attributes:
         model: Arm and torque terms.
@@ -37,11 +37,11 @@ class TorqueModel:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class EstimatedTorque:
-    """Estimate from which torque is computed.
+    """Estimate with which the torque of a plan is computed.
 
     Attributes:
         model: Model of the estimate.
-        values: Base parameters, shape (b,).
+        values: Base parameters of the model, shape (b,).
         origin: Name of the estimate, for messages.
         terms: Names of the torque terms of the estimate.
     """
@@ -54,14 +54,14 @@ class EstimatedTorque:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Torque:
-    """Joint torques for given base parameters, divided by their limits.
+    """Constraint channel of the joint torques, computed with given base parameters.
 
     Attributes:
-        name: Name of the quantity.
+        name: Name of the limited quantity.
         joints: Indices of the joints with a limit.
         labels: Names of these joints.
         base: Base parameters (of the description or identified), shape (b,).
-        limit: Torque limits, reduced by the margin, shape (m,) [N·m or N].
+        limit: Torque limits after subtraction of the margin, shape (m,) [N·m or N].
         described: Model to which the base parameters belong; `None` if it is the model of the design's criterion.
     """
 
@@ -77,17 +77,17 @@ class Torque:
         return goal.source if self.described is None else self.described.source
 
     def along(self, goal: CriterionGoal, q: Array, dq: Array, ddq: Array) -> Array:
-        """Absolute values of the torques (N, m) at states (N, n), divided by their limits."""
+        """Utilisations (N, m) of the torque limits at states q, dq, ddq, (N, n) each: |torque| / limit."""
         columns = Columns(self.source(goal), len(q))
         columns.fill(q, dq, ddq)
         return np.abs(columns.torque(self.base)[:, self.joints]) / self.limit
 
     def values(self, states: States) -> Array:
-        """Absolute values of the torques divided by their limits, shape (N, m)."""
+        """Utilisations of the torque limits, |torque| / limit, shape (N, m)."""
         return np.abs(self._columns(states).torque(self.base)[:, self.joints]) / self.limit
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k) with respect to the unknowns, of m sums over the samples of values times weights."""
+        """Gradients (m, n k), by the unknowns, of the sums over the samples of utilisations times weights (N, m)."""
         columns = self._columns(states)
         torque = columns.torque(self.base)
         rows: list[Array] = []

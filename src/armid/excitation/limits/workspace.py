@@ -12,11 +12,12 @@ from armid.excitation.limits.constraint_channels import States
 from armid.kernel.tree import Tree
 
 SCALE = 0.1
-"""Distance [m] from the limit at which the utilisation is zero; at the limit the utilisation is one."""
+"""Distance of a body or point from its limit at which the utilisation is zero [m]; at the limit the utilisation is
+one."""
 
 
 def carried_by(tree: Tree, links: Sequence[int]) -> Array:
-    """Mask (m, n) of the joints that move each of m links: 1 if a joint moves a link, otherwise 0."""
+    """Mask (m, n) of the joints that move each of m links: 1 if the joint moves the link, otherwise 0."""
     mask = np.zeros((len(links), tree.n))
     for row, link in zip(mask, links, strict=True):
         row[tree.ancestors(link)] = 1.0
@@ -61,10 +62,10 @@ def point_speed(tree: Tree, poses: tuple[Array, Array], mask: Array, points: Arr
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Workspace:
-    """Planes that the tip of the arm must not cross; a box has six planes.
+    """Constraint channel of planes that the tip of the arm must not cross; a box has six planes.
 
     Attributes:
-        name: Name of the quantity.
+        name: Name of the limited quantity.
         labels: Names of the planes.
         normals: Unit normals that point out of the workspace, in the base frame, shape (m, 3).
         offsets: Largest allowed scalar product of normal and position of the tip, shape (m,) [m].
@@ -83,11 +84,11 @@ class Workspace:
         return p[:, tip.parent] + R[:, tip.parent] @ tip.placement[:3, 3]
 
     def values(self, states: States) -> Array:
-        """Utilisations (N, m): one minus the distance of the tip from each plane divided by `SCALE`."""
+        """Utilisations (N, m): one minus the distance of the tip from each plane, divided by `SCALE`."""
         return 1.0 - (self.offsets - self._tip(states) @ self.normals.T) / SCALE
 
     def pullback(self, states: States, weights: Array) -> Array:
-        """Gradients (m, n k) with respect to the unknowns, of m sums over the samples of values times weights."""
+        """Gradients (m, n k), by the unknowns, of the sums over the samples of utilisations times weights (N, m)."""
         forces = weights[:, :, None] * self.normals / SCALE
         points = np.broadcast_to(self._tip(states)[:, None], forces.shape)
         mask = carried_by(states.tree, [states.robot.tip.parent] * len(self.labels))

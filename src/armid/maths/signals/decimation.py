@@ -12,16 +12,17 @@ from armid.errors import ArmidError
 from armid.maths.signals.zero_phase_filters import extended, windowed_sinc
 
 DECIMATION_ATTENUATION = 100.0
-"""Stop-band attenuation of the decimation filter [dB]. Aliases are attenuated by a factor of 1e-5, below 16-bit
-resolution."""
+"""Stop-band attenuation of the decimation filter [dB]. Aliases are attenuated by a factor of 1e-5, to less than
+16-bit resolution."""
 
 DECIMATION_PASS_BAND = 0.5
-"""Upper end of the pass band of a decimation, divided by the new Nyquist frequency. In the pass band the gain is one,
-to 2e-5, and there are no aliases."""
+"""Upper end of the pass band of the decimation filter, divided by the new Nyquist frequency. In the pass band, the
+gain differs from one by at most 2e-5, and there are no aliases."""
 
 OVERSAMPLING = 8.0
-"""Smallest ratio of the intermediate sample rate to the cut-off. The decimation then has a gain of one up to twice
-the cut-off. At this frequency, a zero-phase Butterworth filter of order four has a gain of 0.4 %."""
+"""Smallest allowed ratio of the sample rate after decimation to the cut-off of the low-pass filter. The gain of the
+decimation is then one up to twice the cut-off. At this frequency, a zero-phase Butterworth filter of order four has a
+gain of 0.4 %."""
 
 
 def decimation_filter(
@@ -53,13 +54,21 @@ def decimation_filter(
 
 
 def decimation_step(rate: float, cutoff: float, step: int) -> int:
-    """Largest divisor of `step` by which a signal may be decimated before it is filtered with this cut-off [Hz]."""
+    """Largest divisor of `step` by which a signal may be decimated before a low-pass filter with the given cut-off.
+
+    The sample rate and the cut-off are in Hz. After the decimation, the rate is at least `OVERSAMPLING` times the
+    cut-off.
+    """
     allowed = [d for d in range(1, step + 1) if step % d == 0 and rate >= d * OVERSAMPLING * cutoff]
     return max(allowed, default=1)
 
 
 def coarsest_step(rate: float, cutoff: float) -> int:
-    """Largest decimation step that keeps all frequencies of a signal that is low-pass filtered at `cutoff` [Hz]."""
+    """Largest factor by which a signal that is low-pass filtered at a cut-off may be decimated, at least 1.
+
+    The sample rate and the cut-off are in Hz. After the decimation, the rate is at least `OVERSAMPLING` times the
+    cut-off.
+    """
     return max(1, int(rate / (OVERSAMPLING * cutoff)))
 
 
@@ -87,7 +96,7 @@ def decimate(x: Array, taps: Array, step: int, offset: int = 0, *, periodic: boo
 
 
 def interpolate(x: Array, factor: int, *, periodic: bool = False) -> Array:
-    """Interpolates band-limited signals to `factor` times their sample rate, with the filter of the decimation.
+    """Interpolates band-limited signals to `factor` times their sample rate, with the filter of `decimation_filter`.
 
     Args:
         x: Signals, time on the last axis, shape (..., N), without frequencies above half the Nyquist frequency.

@@ -11,7 +11,8 @@ from armid.checked_array import Array
 from armid.maths.signals.fourier_transform import frequencies, inverse, spectrum
 
 NEWTON_STEPS = 20
-"""Largest number of Newton steps; three are usual, because a correlation is nearly a parabola at its maximum."""
+"""Largest number of Newton steps for a delay; three are usual, because a correlation is nearly a parabola at its
+maximum."""
 
 DELAY_PRECISION = 1e-9
 """Change of the delay [samples] below which the iteration ends; it is far below the effect of noise."""
@@ -47,9 +48,9 @@ def periodic_delay(reference: Array, x: Array) -> float:
 
 
 def periodic_shift(x: Array, delay: float) -> Array:
-    """Delays one period of a periodic signal by a number of samples, which need not be an integer.
+    """Delays a periodic signal by a number of samples, which need not be an integer.
 
-    The result has the shape of `x`.
+    `x` contains one period. The result has the shape of `x`.
     """
     samples = len(x)
     turn = np.exp(-2j * np.pi * frequencies(samples) * delay)

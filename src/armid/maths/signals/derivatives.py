@@ -10,7 +10,7 @@ from armid.maths.signals.fourier_transform import frequencies, inverse, spectrum
 
 
 def central_difference(x: Array, rate: float, order: int = 1, *, periodic: bool = False) -> Array:
-    """First or second derivative by the three-point formula, in the shape of `x`.
+    """First or second derivative [unit of `x` / s or / s²] by the three-point formula, in the shape of `x`.
 
     The relative error of the three-point formula for the second derivative is (ω/rate)²/12. If the formula for the
     first derivative were applied twice, only every second sample would be used. The error would then be four times as
@@ -45,6 +45,6 @@ def central_difference(x: Array, rate: float, order: int = 1, *, periodic: bool 
 
 
 def periodic_derivative(x: Array, rate: float, order: int = 1) -> Array:
-    """Exact derivative of order `order` of signals (N, ...) that contain a whole number of periods."""
+    """Exact derivative, of the given order, of signals (N, ...) that contain a whole number of periods."""
     jw = (2j * np.pi * rate * frequencies(len(x))).reshape(-1, *(1,) * (x.ndim - 1))
     return inverse(spectrum(x) * jw**order, len(x))

@@ -15,12 +15,12 @@ BLACKMAN_HARRIS = (0.35875, -0.48829, 0.14128, -0.01168)
 
 
 def spectrum(x: Array) -> NDArray[np.complex128]:
-    """Real FFT, shape (N // 2 + 1, ...), of signals (N, ...)."""
+    """Real FFT along axis 0, shape (N // 2 + 1, ...), of signals of shape (N, ...)."""
     return np.asarray(np.fft.rfft(x, axis=0), dtype=np.complex128)
 
 
 def inverse(spectrum: NDArray[np.complex128], samples: int) -> Array:
-    """Signals (samples, ...) from their real FFT."""
+    """Signals of shape (samples, ...) from their real FFT along axis 0."""
     return np.asarray(np.fft.irfft(spectrum, samples, axis=0), dtype=np.float64)
 
 
@@ -30,7 +30,7 @@ def frequencies(samples: int) -> Array:
 
 
 def fast_length(samples: int) -> int:
-    """Smallest length, at least `samples`, with a fast transform: a product of twos, threes and fives."""
+    """Smallest length with a fast transform (a product of twos, threes and fives) that is at least `samples`."""
     best = 1 << max(samples - 1, 0).bit_length()
     five = 1
     while five < best:

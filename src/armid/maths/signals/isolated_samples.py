@@ -15,32 +15,33 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 
 SIDE = 3
-"""Number of samples on each side of a run from which the median is computed; one of them may be an outlier itself."""
+"""Number of samples on each side of a run from which a median is computed; one of them may be an outlier itself."""
 
 FEWEST = 30
-"""Smallest number of samples of a signal in which isolated samples are searched."""
+"""Smallest number of samples that a signal must have for the search for isolated samples."""
 
 WINDOW = 20
-"""Number of steps on each side of a run from which the local noise is estimated."""
+"""Number of differences between successive samples on each side of a run from which the local noise is estimated."""
 
 LOCAL = 30.0
-"""Smallest height of an isolated run, divided by the median step near it: about 30 standard deviations of white
-noise."""
+"""Smallest height of an isolated run, divided by the median difference between successive samples near it: about 30
+standard deviations of white noise."""
 
 USUAL, QUANTILE = 15.0, 0.99
-"""Smallest height of a brief isolated run, divided by the given quantile of the heights of single samples of the same
-channel. This condition is needed because jerks, impacts and sticking cause short peaks, too. Samples at which the
-channel does not change are not counted, since otherwise the quantile would be zero for an arm that rests most of the
-time. If motion is so smooth that the quantile is zero nevertheless, a quantile of the second differences is used
-instead."""
+"""Smallest height of a brief isolated run, divided by a quantile of the heights of single samples of the same
+channel, and the probability of this quantile. This condition is needed because jerks, impacts and sticking cause
+short peaks, too. Samples at which the channel does not change are not counted, since otherwise the quantile would be
+zero for an arm that rests most of the time. If motion is so smooth that the quantile is zero nevertheless, a quantile
+of the second differences is used instead."""
 
 OUTLYING, BULK = 10.0, 0.025
-"""Heights above this multiple of the range of the channel without its smallest and largest values (the share `BULK`
-of the samples each) do not count for the usual height. If one sample in a hundred is far off, the usual height would
-otherwise be the height of the outliers themselves."""
+"""Largest height that counts for the quantile of heights, divided by a range of the channel; and the share of the
+smallest and of the largest samples that this range leaves out. If one sample in a hundred is far off, the quantile
+would otherwise be the height of the outliers themselves."""
 
 BENT_QUANTILE = 1.0 - 3.0 * (1.0 - QUANTILE)
-"""Quantile of the second differences that is used instead; an isolated sample changes three second differences."""
+"""Probability of the quantile of the second differences that replaces the quantile of the heights if that is zero; an
+isolated sample changes three second differences."""
 
 BRIEF = 2.5e-3
 """Duration of a run above which the required height increases in proportion to the duration [s]. If an arm stops
@@ -48,22 +49,22 @@ abruptly, the torque has a peak of 10 ms: one sample at 100 Hz. In a recording o
 is 20 times the quantile; this rule requires 60 times."""
 
 RETURNS = 3.0
-"""Smallest height of an isolated run, divided by the difference between the medians on its two sides. If an arm
+"""Smallest height of an isolated run, divided by the difference between the medians on its two sides. When an arm
 stops, its velocity overshoots by 1 to 2 times this difference."""
 
 LONGEST = 3
 """Largest number of samples of an isolated run."""
 
 ROUGH = 10.0
-"""Ratio of the largest to the mean second difference up to which no sample can be isolated; for white noise the ratio
-is 6."""
+"""Ratio of the largest to the mean absolute second difference of a channel up to which none of its samples counts as
+isolated; for white noise the ratio is 6."""
 
 
 def heights(x: Array, length: int, *, ends: bool = False) -> tuple[Array, Array]:
-    """Heights of all runs of `length` successive samples, and the difference of the medians beside each run.
+    """Heights of all runs of `length` successive samples, and for each run the difference of two medians.
 
-    The height of a run is the distance of its samples from the interval between two medians: that of the three
-    samples before the run, and that of the three samples after it.
+    The medians are those of the three samples before the run and of the three samples after it. The height of a run
+    is the distance of its samples from the interval between the two medians.
 
     Args:
         x: Samples, shape (N,).
@@ -93,31 +94,34 @@ def heights(x: Array, length: int, *, ends: bool = False) -> tuple[Array, Array]
 
 
 def marked(starts: NDArray[np.bool_], length: int, into: NDArray[np.bool_]) -> None:
-    """Marks the samples of runs in a mask.
+    """Marks the samples of runs in the mask `into`.
 
     Args:
         starts: Mask of the samples at which the runs begin, shape (N - length + 1,).
         length: Number of samples of a run.
-        into: Mask of samples that is changed, shape (N,).
+        into: Mask of samples, shape (N,); the samples of the runs are set to true in place.
     """
     for k in range(length):
         into[k : k + len(starts)] |= starts
 
 
 def smallest_step(steps: Array) -> float:
-    """Smallest of the steps that are not zero, which shows the resolution of a channel; 0 if all steps are zero."""
+    """Smallest nonzero difference of successive samples, an estimate of the resolution of a channel.
+
+    `steps` are the absolute differences; if all are zero, the result is 0.
+    """
     return float(np.min(steps, where=steps > 0.0, initial=np.inf)) if steps.any() else 0.0
 
 
 def isolated_samples(x: Array, seconds: float) -> NDArray[np.bool_]:
-    """Mask of the isolated samples of each channel, found by their heights alone.
+    """Finds the isolated samples of each channel from their heights alone.
 
     Args:
         x: Samples, shape (N, n).
         seconds: Time from sample to sample [s].
 
     Returns:
-        Mask, shape (N, n).
+        Mask of the isolated samples, shape (N, n).
     """
     found = np.zeros(x.shape, dtype=np.bool_)
     if len(x) < FEWEST:
@@ -129,9 +133,9 @@ def isolated_samples(x: Array, seconds: float) -> NDArray[np.bool_]:
 
 
 def _mark_isolated(x: Array, seconds: float, found: NDArray[np.bool_]) -> None:
-    """Marks the isolated samples of one channel (N,) that is not constant.
+    """Marks the isolated samples of one channel (N,) that is not constant, in the mask `found` (N,).
 
-    No sample is marked if the usual height of single samples is not known.
+    No sample is marked if the usual height of single samples is not known. `seconds` is the time between samples [s].
     """
     steps = np.abs(np.diff(x))
     resolution = smallest_step(steps)
@@ -152,7 +156,7 @@ def _mark_isolated(x: Array, seconds: float, found: NDArray[np.bool_]) -> None:
 
 
 def _usual_height(x: Array, changes: NDArray[np.bool_]) -> float:
-    """Usual height of the single samples of a channel (N,) that differ from a neighbour; 0 if it cannot be computed.
+    """Quantile of the heights of single samples of a channel that differ from a neighbour; 0 if it is not known.
 
     Args:
         x: Samples, shape (N,).

@@ -11,7 +11,8 @@ MOTION_ENERGY = 0.99
 """Share of the energy of the velocity that defines the band of the motion."""
 
 NOISE_RATIO = 10.0
-"""Ratio of power to noise at a frequency above which this frequency belongs to the motion."""
+"""Smallest ratio of the power at a frequency to the power of the noise with which the frequency belongs to the
+motion."""
 
 MOTION_FACTOR = 10.0
 """Ratio of the automatic cut-off to the highest frequency of the band of the motion. Inertial torques contain

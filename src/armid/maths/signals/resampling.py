@@ -10,7 +10,7 @@ from armid.maths.spline import spline
 
 
 def resample(time: Array, x: Array, grid: Array, *, longest: float = np.inf) -> Array:
-    """Interpolates signals with uneven sample times by a cubic spline.
+    """Interpolates signals with uneven sample times at the times `grid`, by a cubic spline.
 
     With the sample times of recordings of three arms, and motion up to a tenth of the sample rate, the error of the
     cubic spline is 40 times smaller than that of Akima's spline, and 100 times smaller than that of shape-preserving
@@ -20,7 +20,10 @@ def resample(time: Array, x: Array, grid: Array, *, longest: float = np.inf) -> 
         time: Increasing sample times, shape (N,) [s].
         x: Signals, shape (N, ...).
         grid: Times of the result, shape (M,) [s], within `time`.
-        longest: Longest step between samples over which signals are interpolated [s].
+        longest: Longest time between samples over which signals are interpolated [s].
+
+    Returns:
+        Interpolated signals, shape (M, ...).
 
     Raises:
         ArmidError: The time does not increase, a step is longer than `longest`, or the grid exceeds the recorded

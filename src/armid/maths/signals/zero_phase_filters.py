@@ -22,16 +22,17 @@ from armid.errors import ArmidError
 from armid.maths.signals.fourier_transform import fast_length, frequencies, inverse, spectrum
 
 BLOCK = 40_000
-"""Number of values that are filtered at a time: the intermediate arrays then fit into the cache of a core."""
+"""Number of values that are filtered at a time; with this number, the intermediate arrays fit into the cache of a
+core."""
 
 SETTLED = 1e-9
-"""Decay of the slowest pole at which a filter counts as settled. The effect of the reflected end is then below the
-rounding of 32-bit logs."""
+"""Ratio to which the slowest mode of a filter has decayed when the filter counts as settled. The effect of the
+reflected end is then below the rounding of 32-bit logs."""
 
 EDGE = 1e-2
-"""Largest share of the sum of the absolute impulse response that lies beyond the end of the run, for a row that is
-kept. Beyond the end, the signal is continued by reflection with the correct value and slope, so the error is far less
-than this share."""
+"""Largest share of the absolute impulse response of a filter that may lie beyond the end of the run, for a row that
+is used. Beyond the end, the signal is continued by reflection with the correct value and slope, so the error is far
+less than this share."""
 
 FIR_ATTENUATION = 60.0
 """Stop-band attenuation of `fir` [dB]. It is a factor of 0.001, below the noise of joint torques; a larger
@@ -73,9 +74,10 @@ def butterworth(order: int, cutoff: float, rate: float) -> Array:
 
 
 def fir(periods: float, cutoff: float, rate: float) -> Array:
-    """FIR low-pass filter: windowed sinc with a length of `periods` periods of the cut-off, taps of shape (2h+1,).
+    """FIR low-pass filter: windowed sinc as long as `periods` periods of the cut-off, taps of shape (2h+1,).
 
     The gain is -6 dB at the cut-off, like that of both passes of `butterworth`, and exactly one at zero frequency.
+    Cut-off and sample rate are in Hz.
     """
     _check_cutoff(periods, cutoff, rate)
     half = max(1, round(0.5 * periods * rate / cutoff))
@@ -90,9 +92,9 @@ def low_pass(family: str, order: int, cutoff: float, rate: float) -> Array | Non
 
 
 def gain(filter: Array, frequency: Array) -> Array:
-    """Real gain of a zero-phase filter at `frequency` [cycles per sample].
+    """Real gain of a zero-phase filter at frequencies of any shape [cycles per sample].
 
-    It is the squared magnitude of the transfer function of sections, or the cosine sum of taps.
+    For second-order sections it is the squared magnitude of their transfer function, for taps their cosine sum.
     """
     if filter.ndim == 1:
         half = len(filter) // 2
@@ -109,7 +111,7 @@ def gain(filter: Array, frequency: Array) -> Array:
 
 
 def settling_samples(filter: Array, decay: float = SETTLED) -> int:
-    """Settling time of a filter in samples.
+    """Settling time of a filter, as a number of samples.
 
     After this time the slowest pole of the sections has decayed to `decay`, or the taps have ended.
     """
@@ -122,7 +124,10 @@ def settling_samples(filter: Array, decay: float = SETTLED) -> int:
 
 
 def edge_samples(filter: Array, share: float = EDGE) -> int:
-    """Number of samples at an end of a run for which more than `share` of the impulse response is beyond the end."""
+    """Number of samples at each end of a run that the continuation beyond the end affects.
+
+    For these samples, more than `share` of the absolute impulse response of the filter lies beyond the end.
+    """
     length = fast_length(2 * settling_samples(filter) + 1)
     kernel = np.abs(inverse(_grid_gain(filter, length).astype(np.complex128), length))[: length // 2]
     tail = kernel[::-1].cumsum()[::-1]
@@ -135,20 +140,20 @@ def edge_samples(filter: Array, share: float = EDGE) -> int:
 def zero_phase(
     filter: Array, x: Array, axis: int = 0, pad: int | None = None, *, first: int = 0, step: int = 1
 ) -> Array:
-    """Filters one run of signals, whose ends are continued by odd reflection (with the same value and slope).
+    """Filters signals of one run, whose ends are continued by odd reflection (with the same value and slope).
 
     Args:
-        filter: Sections or taps.
-        x: Signals.
+        filter: Second-order sections, shape (k, 6), or taps, shape (2h+1,).
+        x: Signals, of any shape.
         axis: Index of the time axis.
         pad: Number of samples by which each end is continued; by default the settling time of the filter.
-        first: First sample that is returned.
-        step: Number of samples from one returned sample to the next. Only these are transformed back, which saves up
-            to half of the time.
+        first: Index of the first sample that is returned.
+        step: Number of samples from one returned sample to the next. Only returned samples are transformed back,
+            which saves up to half of the time.
 
     Returns:
-        Filtered signals in the shape of `x`, or in the shape of `x[first::step]` along the time axis if a step is
-        given. Straight lines are not changed, and the first and last samples are kept.
+        Filtered signals: every `step`-th sample from `first` on along the time axis, by default all samples. Straight
+        lines are not changed, and the first and last samples keep their values.
     """
     x = _along(x, axis)
     if x.ndim != 2:
@@ -169,16 +174,17 @@ def periodic_filter(filter: Array, x: Array, axis: int = 0) -> Array:
 def filtered_derivatives(
     filter: Array, x: Array, rate: float, *, periodic: bool = False
 ) -> tuple[Array, Array, Array]:
-    """Filtered signals with their first and second derivatives, all by the same low-pass filter.
+    """Filtered signals with their first and second derivatives, all by the same low-pass filter, shape (N, ...) each.
 
     The derivatives are exact within the band, because they are computed by the factor jω in the frequency domain. A
     difference quotient has a relative error of (ω/rate)²/6 in velocity, and half of it in acceleration.
 
     Args:
-        filter: Sections or taps.
+        filter: Second-order sections, shape (k, 6), or taps, shape (2h+1,).
         x: Signals, shape (N, ...).
         rate: Sample rate [Hz].
-        periodic: If true, the run is a whole number of periods; otherwise its ends are reflected.
+        periodic: If true, the signals contain a whole number of periods; otherwise their ends are continued by odd
+            reflection.
     """
     if periodic:
         parts = _circular(_grid_gain(filter, len(x)), _along(x), (0, 1, 2))
@@ -189,21 +195,21 @@ def filtered_derivatives(
 
 
 def _along(x: Array, axis: int = 0) -> Array:
-    """Signals with time moved to the last axis, contiguous, which is the fastest layout for a transform."""
+    """Contiguous copy of signals with the time axis moved to the end, the fastest layout for a transform."""
     return np.ascontiguousarray(np.moveaxis(x, axis, -1))
 
 
 def _back(x: Array, axis: int = 0) -> Array:
-    """Signals with time moved from the last axis to `axis`, contiguous."""
+    """Contiguous copy of signals with the time axis moved from the end to `axis`."""
     return np.ascontiguousarray(np.moveaxis(x, -1, axis))
 
 
 def _reflected(
     filter: Array, x: Array, pad: int | None, orders: Sequence[int], first: int = 0, step: int = 1
 ) -> list[Array]:
-    """Derivatives of given orders of filtered signals (..., N) with reflected ends, for a sample time of 1.
+    """Filters signals (..., N) with reflected ends and differentiates them, for a sample time of 1.
 
-    Every `step`-th sample from `first` on is returned.
+    The result has one array for each order of the derivative; it contains every `step`-th sample from `first` on.
     """
     samples = x.shape[-1]
     kept = range(first, samples, step)
@@ -226,11 +232,13 @@ def _reflected(
 
 
 def _circular(response: Array, x: Array, orders: Sequence[int], step: int = 1) -> list[Array]:
-    """Derivatives of given orders of periodic signals (..., N), for a sample time of 1; every `step`-th sample.
+    """Filters periodic signals (..., N) and differentiates them, for a sample time of 1.
+
+    The result has one array for each order of the derivative; it contains every `step`-th sample.
 
     Args:
-        response: Gain of the filter at the frequencies of the real FFT.
-        x: Signals.
+        response: Gain of the filter at the frequencies of the real FFT, shape (N // 2 + 1,).
+        x: Signals, shape (..., N).
         orders: Orders of the derivatives.
         step: Number of samples from one returned sample to the next, a divisor of N.
     """
@@ -266,7 +274,7 @@ def _aliased(transform: NDArray[np.complex128], samples: int, step: int) -> NDAr
 
 
 def _grid_gain(filter: Array, length: int) -> Array:
-    """Gain at the frequencies of a real FFT of `length` samples; longer taps wrap around.
+    """Gain of a filter at the frequencies of a real FFT of `length` samples; taps longer than this wrap around.
 
     The last 16 results are cached.
     """
@@ -285,7 +293,10 @@ def _gain_of(content: bytes, shape: tuple[int, ...], length: int) -> Array:
 
 
 def extended(x: Array, before: int, after: int, *, periodic: bool) -> Array:
-    """Signals (..., N) continued at both ends: periodically, or by odd reflection, repeated if they are short."""
+    """Signals (..., N) that are continued at both ends, by `before` and `after` samples.
+
+    They are continued periodically, or by odd reflection, which is repeated if the signals are short.
+    """
     samples = x.shape[-1]
     widths = [(0, 0)] * (x.ndim - 1) + [(before, after)]
     if periodic:

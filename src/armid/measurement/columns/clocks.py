@@ -17,18 +17,19 @@ Values = Callable[[str], NDArray[np.generic]]
 """Function that returns the numbers of a column, or raises `RecordingError` if the column is not numeric."""
 
 FORWARD = 0.95
-"""Smallest share of the steps of a clock that must not be negative; single faulty steps are tolerated."""
+"""Smallest share of the steps of a clock, from row to row, that must not be negative; single faulty steps are
+tolerated."""
 
 EVEN = 0.9
-"""Smallest share of the steps of a uniform clock that differ from the median step by less than half of it."""
+"""Smallest share of the steps of a uniform clock, from row to row, that must be between 0.5 and 1.5 median steps."""
 
 LONGEST_STEP = 0.5
-"""Median step [s] from which the unit of a clock cannot be the second, because motion is not recorded at 2 Hz or
-slower."""
+"""Median step [s] at and above which the unit of a clock cannot be the second, because motion is not recorded at 2 Hz
+or slower."""
 
 UNITS = ((100.0, 1e-3, "milliseconds"), (1e5, 1e-6, "microseconds"), (np.inf, 1e-9, "nanoseconds"))
-"""Possible units of a clock that does not count seconds: upper end of its median step, length of the unit [s], and
-name of the unit. Each unit covers sample rates from 10 Hz to 2 kHz."""
+"""Possible units of a clock that does not count seconds: upper limit of its median step in these units, length of the
+unit [s], and name of the unit. With these limits, each unit covers sample rates from 10 Hz to 2 kHz."""
 
 IN_STEP = 1e-3
 """Relative difference up to which the total times of two clocks count as equal."""
@@ -36,11 +37,11 @@ IN_STEP = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class ClockRequest:
-    """Ambiguous guess of the columns of a quantity: several sets of columns are equally good.
+    """Ambiguous guess of the columns of a quantity: several sets of columns fit equally well.
 
     Attributes:
-        quantity: Quantity that the columns may hold.
-        sets: Columns of each set.
+        quantity: Quantity that the columns may contain.
+        sets: Names of the columns in each set.
         others: Ambiguous guesses of other quantities.
     """
 
@@ -50,7 +51,9 @@ class ClockRequest:
 
 
 def clock_columns(names: Sequence[str], values: Values | None = None) -> tuple[str, ...] | ClockRequest:
-    """Chooses the column whose time is closest to the instant of measurement, and its column of nanoseconds, if any.
+    """Chooses the column whose time is closest to the instant of measurement.
+
+    If there is a column of nanoseconds that belongs to it, this column is chosen, too.
 
     Args:
         names: All columns.
@@ -73,21 +76,21 @@ def clock_columns(names: Sequence[str], values: Values | None = None) -> tuple[s
 
 
 def _grows(values: Array) -> bool:
-    """Tests whether numbers increase from row to row, as times do; a few exceptions are tolerated."""
+    """Checks whether numbers increase from row to row, as times do; a few exceptions are tolerated."""
     step = np.diff(values)
     return bool(step.size and np.isfinite(values).all() and median(step) > 0.0 and np.mean(step >= 0.0) >= FORWARD)
 
 
 def evenly_growing(names: Sequence[str], used: Collection[str], values: Values) -> dict[str, float]:
-    """Columns that increase uniformly, so that they may be clocks, although neither name nor unit shows this.
+    """Finds unused columns that increase uniformly and may therefore be clocks.
 
     Args:
         names: All columns.
-        used: Columns with another use.
+        used: Columns that are used for another quantity.
         values: Function that returns the numbers of a column.
 
     Returns:
-        Median step of each column that increases evenly from row to row.
+        Median step from row to row of each column that increases uniformly, by the name of the column.
     """
     found: dict[str, float] = {}
     for name in dict.fromkeys(names):
@@ -102,14 +105,20 @@ def evenly_growing(names: Sequence[str], used: Collection[str], values: Values) 
 
 
 def unit_of_step(step: float) -> tuple[float, str] | None:
-    """Length [s] and name of the unit that a clock probably counts, from its median step; `None` for seconds."""
+    """Length [s] and name of the unit that a clock probably counts; `None` for seconds.
+
+    The median step of the clock is given in seconds, computed as if the clock counted seconds.
+    """
     if step < LONGEST_STEP:
         return None
     return next((length, name) for most, length, name in UNITS if step < most)
 
 
 def _by_unit(names: Sequence[str], values: Values) -> tuple[str, ...] | ClockRequest:
-    """Increasing column whose name has a unit of time; the first column if several contain the same time."""
+    """Chooses an increasing column whose name contains a unit of time.
+
+    If several such columns cover the same time, the first one is chosen; otherwise the result is a `ClockRequest`.
+    """
     spans: dict[str, float] = {}
     for name in dict.fromkeys(names):
         unit = time_unit(name)
@@ -135,7 +144,7 @@ def _numbers(name: str, values: Values) -> Array | None:
 
 
 def _counts_rest(clock: Clock) -> bool:
-    """Tests whether a column contains nanoseconds that must be added to a column of whole seconds."""
+    """Checks whether a column contains nanoseconds that must be added to a column of whole seconds."""
     return any(word in ("nanosec", "nsec", "nsecs") for word in words(clock.column))
 
 

@@ -1,7 +1,7 @@
-"""Guess of the quantity and the joint of each column, from patterns of names in common use.
+"""Guesses of the quantity and the joint of each column, from patterns of names in common use.
 
 Only the names are used, except that a clock may also be found by its values. Measured columns are preferred to
-commanded columns. If two sets of columns are equally good, an error asks the user to choose.
+commanded columns. If two sets of columns fit equally well, an error asks the user to choose.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ MOTION = ("q", "dq", "ddq")
 Channel = str | int
 
 _Form = tuple[str, tuple[str, ...], bool, int]
-"""Key of a group of columns: quantity, words of the names, true if the channels are numbers, and number of the group
-among those with equal names."""
+"""Key of a group of columns: quantity, words of the names, true if the channels are numbers, and a number that
+distinguishes groups with equal names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,10 +26,10 @@ class Guess:
     """Columns that were guessed from their names.
 
     Attributes:
-        columns: Names of the columns of each quantity that was found. Time may have two columns, seconds and
-            nanoseconds.
-        joints: Labels of the joints in the order of the columns; empty where the columns are numbered.
-        reasons: Reason for each guess, in words.
+        columns: Names of the columns of each quantity for which columns were found. Time may have two columns,
+            seconds and nanoseconds.
+        joints: Labels of the joints in the order of the columns; empty if the columns are numbered.
+        reasons: Reason for each guess, as text.
         commanded: Quantities for which only commanded columns were found.
     """
 
@@ -44,9 +44,9 @@ class _Group:
     """Group of columns whose names differ only in the channel.
 
     Attributes:
-        quantity: Quantity of the columns; a current is an effort.
-        of_current: True if the columns hold currents.
-        members: Columns by channel.
+        quantity: Quantity of the columns; currents count as effort.
+        of_current: True if the columns contain currents.
+        members: Parsed column names by channel (name or number of the joint).
     """
 
     quantity: str
@@ -77,23 +77,23 @@ def guess_columns(
     in_file_order: bool = False,
     values: Values | None = None,
 ) -> Guess | ClockRequest:
-    """Guesses which columns hold given quantities.
+    """Guesses which columns contain the given quantities.
 
     Args:
         names: All columns.
-        quantities: Quantities to guess, of `time`, `q`, `dq`, `ddq`, `effort`.
+        quantities: Quantities to guess, a selection of `time`, `q`, `dq`, `ddq`, `effort`.
         wanted: Names of the arm's joints in the file; empty if they are unknown.
         labels: Names that the joints of the description, including locked joints, have in the file, in the order of
             the description.
         channels: Number of columns of positions, if these are already known. Columns of other quantities must then
             have channel numbers.
-        matrices: True if one variable may hold all channels.
-        in_file_order: True if columns with names of joints stay in the order of the file.
+        matrices: True if one variable of the file may contain all channels as a matrix.
+        in_file_order: True if columns with names of joints are returned in the order of the file.
         values: Function that returns the numbers of a column. It is used to test whether a column with a unit of time
             is a clock.
 
     Returns:
-        Guess of as many quantities as possible; if several choices are equally good, a `ClockRequest` that contains
+        Guess for as many quantities as possible; if several choices fit equally well, a `ClockRequest` that contains
         them.
     """
     labels = tuple(labels) or tuple(wanted)
@@ -123,7 +123,10 @@ def guess_columns(
 def _chosen(
     usable: Sequence[_Group], quantities: Sequence[str], joints: int, described: int, channels: int
 ) -> dict[str, _Group] | ClockRequest:
-    """Best group of columns of each quantity, or the ambiguous guesses if a quantity has several best groups."""
+    """Chooses the best group of columns for each quantity.
+
+    If a quantity has several best groups, the ambiguous guesses are returned instead.
+    """
     chosen: dict[str, _Group] = {}
     requests: list[ClockRequest] = []
     for quantity in ("q", "dq", "ddq", "effort"):
@@ -143,7 +146,7 @@ def _chosen(
 
 
 def _groups(names: Sequence[str], labels: Sequence[str], *, matrices: bool) -> list[_Group]:
-    """Groups of columns with the same quantity and form of the name, each with one column for each channel."""
+    """Groups of columns with the same quantity and the same words in the name, with one column for each channel."""
     found: dict[_Form, dict[Channel, ColumnName]] = {}
     for column in dict.fromkeys(names):
         for each in named(column, labels):
@@ -163,7 +166,7 @@ def _groups(names: Sequence[str], labels: Sequence[str], *, matrices: bool) -> l
 
 
 def _without_indices(found: Mapping[_Form, dict[Channel, ColumnName]]) -> dict[_Form, dict[Channel, ColumnName]]:
-    """Groups of columns; groups are joined if they differ only in an index beside the names of different joints.
+    """Joins groups of columns that differ only in an index beside the names of different joints.
 
     In this case the name of the joint is used, and the index is ignored: `wrist_1_joint_4_pos` is a position of
     `wrist_1_joint`. Groups with columns of the same joint are not joined, because their indices distinguish two
@@ -190,7 +193,7 @@ def _in_order(members: Mapping[Channel, ColumnName]) -> dict[Channel, ColumnName
 
 
 def _is_whole(group: _Group, wanted: Sequence[str], *, matrices: bool) -> bool:
-    """Tests whether a group has a column for each joint, or channel numbers from 0 or 1 without a gap."""
+    """Checks whether a group has a column for each joint, or channel numbers from 0 or 1 without a gap."""
     if group.by_name:
         return bool(wanted) and set(wanted) <= set(group.members)
     if "" in group.members:
@@ -201,7 +204,11 @@ def _is_whole(group: _Group, wanted: Sequence[str], *, matrices: bool) -> bool:
 
 
 def _goes_with(group: _Group, positions: _Group | None, channels: int) -> bool:
-    """Tests whether a group of columns has the same channels as the positions and belongs to the same device."""
+    """Checks whether a group of columns fits the group of the positions.
+
+    It fits if it has the same kind of channels and, for velocities and accelerations, if both groups are measured or
+    both are commanded.
+    """
     if positions is None:
         return not channels or "" in group.members or (not group.by_name and len(group.members) == channels)
     same = group.by_name if positions.by_name else set(group.members) == set(positions.members)
@@ -210,7 +217,7 @@ def _goes_with(group: _Group, positions: _Group | None, channels: int) -> bool:
 
 
 def _best(groups: Sequence[_Group], joints: int, described: int) -> list[_Group]:
-    """Group of columns that fits the joints of the arm best, and all groups that fit equally well."""
+    """Groups of columns that fit the joints of the arm best; several groups if they fit equally well."""
 
     def key(group: _Group) -> tuple[bool, bool, int, bool, int]:
         role, motor = group.first.rank
@@ -227,7 +234,7 @@ def _best(groups: Sequence[_Group], joints: int, described: int) -> list[_Group]
 
 
 def _order(chosen: Mapping[str, _Group], labels: Sequence[str]) -> list[Channel]:
-    """Channels that all quantities have, in the order of their numbers or of `labels`, otherwise as in the file."""
+    """Channels that all quantities have, in the order of their numbers, of `labels`, or of the file."""
     if not chosen:
         return []
     first, *others = chosen.values()
@@ -236,7 +243,7 @@ def _order(chosen: Mapping[str, _Group], labels: Sequence[str]) -> list[Channel]
 
 
 def _reason(quantity: str, group: _Group, columns: tuple[str, ...], usable: Sequence[_Group]) -> str:
-    """Sentence that names the chosen columns of a quantity, the reason, and other possible columns."""
+    """Text that names the chosen columns of a quantity, the reason for the choice, and the other possible columns."""
     what = f"{quantity} is {shortened(columns)}"
     what += ", from the names of the joints" if group.by_name else ""
     what += ", commanded and not measured" if group.first.commanded else ""
@@ -246,5 +253,5 @@ def _reason(quantity: str, group: _Group, columns: tuple[str, ...], usable: Sequ
 
 
 def shortened(columns: Sequence[str]) -> str:
-    """Text with the first and the last of several column names."""
+    """Text that names several columns; of four or more columns, only the first and the last are named."""
     return ", ".join(columns) if len(columns) < 4 else f"{columns[0]} … {columns[-1]}"

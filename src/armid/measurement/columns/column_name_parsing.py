@@ -1,4 +1,4 @@
-"""Analysis of column names: quantity, joint, unit, and measured or commanded.
+"""Analysis of column names: quantity, joint, unit, and whether the value is measured or commanded.
 
 A name is split into words at punctuation marks, capital letters and digits. So `Joint1Pos`, `joint_1_pos` and
 `/joint_1/pos` have the same words.
@@ -35,8 +35,8 @@ UNITS: Mapping[str, tuple[str, float]] = {
     "amperes": ("current", 1.0),
     "rpm": ("rad", 2.0 * math.pi / 60.0),
 }
-"""Quantity of each unit, and factor that converts the unit to that of armid, by name without signs and powers of
-time."""
+"""For each unit: its quantity, and the factor that converts the unit to the unit of armid. The keys are written in
+lower case, without signs and powers of time."""
 
 SECONDS: Mapping[str, float] = {
     "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0,
@@ -44,7 +44,7 @@ SECONDS: Mapping[str, float] = {
     "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "usec": 1e-6, "microseconds": 1e-6,
     "ns": 1e-9, "nsec": 1e-9, "nsecs": 1e-9, "nanosec": 1e-9, "nanoseconds": 1e-9,
 }  # fmt: skip
-"""Units of time [s]."""
+"""Length of each unit of time [s]."""
 
 QUANTITIES: Mapping[str, tuple[str, ...]] = {
     "q": ("q", "pos", "position", "positions", "angle", "angles", "theta", "phi", "winkel"),
@@ -77,7 +77,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = {
     ),
     "current": ("i", "iq", "current", "currents", "cur", "curr", "amp", "amps", "ampere", "amperes", "strom"),
 }
-"""Words in a column's name that indicate each quantity."""
+"""Words in a column name that indicate each quantity."""
 
 PAIRS: Mapping[tuple[str, str], str] = {
     ("q", "dot"): "dq",
@@ -91,8 +91,8 @@ PAIRS: Mapping[tuple[str, str], str] = {
     ("torque", "axis"): "torque",
     ("vel", "axis"): "vel",
 }
-"""Pairs of words that together have the meaning of one word; pairs with `axis` occur in variables of KUKA's language,
-such as `$AXIS_ACT` and `$TORQUE_AXIS_ACT`."""
+"""Pairs of successive words that together have the meaning of one word. The pairs with `axis` occur in variables of
+KUKA's language, such as `$AXIS_ACT` and `$TORQUE_AXIS_ACT`."""
 
 MEASURED = frozenset("actual act measured meas msr feedback fbk fb real is ai encoder enc sensor".split())
 COMMANDED = frozenset(
@@ -103,25 +103,26 @@ OTHER = frozenset(
     "ff feedforward tcp ee tool cart cartesian pose wrench force std var cov voltage power brake mode status contact "
     "collision hat window dot nominal x y z roll pitch yaw".split()
 )
-"""Words in a column's name that indicate a quantity that armid does not use, or a derived quantity."""
+"""Words in a column name that indicate a quantity that armid does not use, or a derived quantity."""
 
 MOTOR = frozenset("motor mot theta phi".split())
-"""Words that may indicate the motor side of a gear; in libfranka theta is the motor angle and q the joint angle."""
+"""Words that may indicate the motor side of a gear. In libfranka, theta is the motor angle and q the joint angle."""
 
 BESIDE_JOINT = frozenset({"*", "joint"}) | MEASURED | COMMANDED | MOTOR
-"""Words that may stand beside the name of the joint if only the unit shows the quantity of a column: `turn_meas_rad`
-is a position."""
+"""Words that may be combined with the name of the joint if only the unit indicates the quantity of a column: for
+instance, `turn_meas_rad` is a position."""
 
 CLOCKS: Mapping[str, int] = {
     **dict.fromkeys(("t", "time", "timestamp", "elapsed", "clock", "zeit", "zeitstempel", "tiempo", "tempo"), 1),
     **{"stamp": 0, "rosbag": 2},
 }
-"""Words that indicate a clock, ranked by how close its time is to the instant of measurement."""
+"""Rank of each word that indicates a clock; the lower the rank, the closer the time of the clock is to the instant of
+measurement."""
 
 BESIDE_CLOCK = frozenset(
     "ros header field joint states since start robot controller system unix relative s sec secs".split()
 )
-"""Words that may stand beside a word that indicates a clock."""
+"""Words that may be combined with a word that indicates a clock."""
 
 INDEX = re.compile(r"[\[({](\d+)[\])}]")
 BRACKET = re.compile(r"(.+?)\s*[\[({]\s*([^\[\](){}]*?)\s*[\])}]")
@@ -130,21 +131,22 @@ TAIL = re.compile(
     r"|[mµμun]s(?:ec)?|nanosec|nsecs?)",
     re.IGNORECASE,
 )
-"""Unit in brackets or after the last separator; a single letter after a separator is too ambiguous."""
+"""Pattern of a name with a unit after the last separator. Single letters are not accepted as units there, because
+they would be ambiguous. `BRACKET` is the pattern of a name with a unit in brackets."""
 
 QUOTIENT = re.compile(r"(.*\d.*?|.+\s)/\s*((?:m?rad|deg|°)(?:/s(?:\^?2|²)?)?|[mck]?N[·.]?m|[cm]?m|rpm|m?A)")
-"""Unit after a slash, as in tables of physics: `i1/A`, `tau 1 / N·m`. After the slash of a ROS topic there is a
-word."""
+"""Pattern of a name with a unit after a slash, as in tables of physics: `i1/A`, `tau 1 / N·m`. In the name of a ROS
+topic, a word follows the slash, not a unit."""
 
 TIME_TAIL = re.compile(rf"(.+?)(?:\s+in\s+|\s*/\s*|[_\s.-])({'|'.join(SECONDS)})", re.IGNORECASE)
-"""Unit of time after a separator; it may be a single letter."""
+"""Pattern of a name with a unit of time after a separator; this unit may be a single letter."""
 
 ANGLES = ("deg", "degree", "degrees", "rad", "mrad")
-"""Units of angle that may occur inside a name."""
+"""Units of angle that may occur anywhere in a name."""
 
 PER_SECOND = re.compile(r"(m?rad|deg|degrees?|°)(?:ps|s|persec)?\d?[2²]?")
 PER_TIME = re.compile(r"(?:rpm|(?:/|_|p|per)\s*s(?:ec)?\W*(?P<square>2|²)?)$")
-"""Unit of a velocity, or with a square of an acceleration."""
+"""Pattern of the unit of a velocity or, if the group `square` matches, of an acceleration."""
 
 WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+|[^\W\d_]+")
 GREEK = {"q\u0308": "ddq", "q\u0307": "dq", "τ": "tau", "θ": "theta", "φ": "phi", "ω": "omega"}
@@ -152,13 +154,13 @@ GREEK = {"q\u0308": "ddq", "q\u0307": "dq", "τ": "tau", "θ": "theta", "φ": "p
 
 @dataclass(frozen=True, slots=True)
 class ColumnName:
-    """Interpretation of a column's name.
+    """Interpretation of a column name.
 
     Attributes:
-        column: Full name.
+        column: Full name of the column.
         quantity: `q`, `dq`, `ddq`, `effort` or `current`.
         channel: Name or number of the joint; empty if the name of the column contains neither.
-        form: Words of the name, with `*` for the channel.
+        form: Words of the name, in which `*` replaces the channel.
         rank: Two numbers; the column with the smallest numbers is preferred. First number: 0 or 1 for measured, 2 for
             commanded values. Second number: smaller for the joint side than for the motor side.
         unit: Quantity of the unit in the name, and factor that converts the unit to the unit of armid; `None` without
@@ -174,18 +176,19 @@ class ColumnName:
 
     @property
     def commanded(self) -> bool:
-        """Tests whether the column holds a commanded value."""
+        """True if the column contains a commanded value."""
         return self.rank[0] == 2
 
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """Column with times.
+    """Column that contains times.
 
     Attributes:
         column: Name of the column.
-        rank: Rank by how close the time is to the instant of measurement; the smallest is preferred.
-        unit: Length of one unit [s]; `None` without a unit.
+        rank: Rank of the column; the smallest is preferred, because its time is closest to the instant of
+            measurement.
+        unit: Length of the unit in the name [s]; `None` without a unit.
     """
 
     column: str
@@ -206,14 +209,17 @@ def words(text: str) -> list[str]:
 
 
 def split_unit(column: str) -> tuple[str, str]:
-    """Splits a column's name into the name without unit, and the unit in brackets or after the last separator."""
+    """Splits a column name into the name without unit, and the unit, which is empty if the name contains none.
+
+    The unit may be in brackets, after the last separator or after a slash.
+    """
     text = INDEX.sub(r"_\1", column.strip())
     hit = BRACKET.fullmatch(text) or TAIL.fullmatch(text) or QUOTIENT.fullmatch(text)
     return (hit[1], hit[2]) if hit else (text, "")
 
 
 def named(column: str, labels: Sequence[str]) -> list[ColumnName]:
-    """Possible interpretations of a column's name: none, or one for each number in it that may be the channel.
+    """Possible interpretations of a column name: none, or one for each number in it that may be the channel.
 
     Args:
         column: Name of the column.
@@ -244,7 +250,7 @@ def named(column: str, labels: Sequence[str]) -> list[ColumnName]:
 
 
 def clock_of(column: str) -> Clock | None:
-    """Interpretation of a column's name as a clock; `None` if the name is not that of a clock."""
+    """Interpretation of a column name as a clock; `None` if the name is not that of a clock."""
     text, unit = split_time(column)
     parts = words(text)
     ranks = [CLOCKS[word] for word in parts if word in CLOCKS]
@@ -257,23 +263,25 @@ def clock_of(column: str) -> Clock | None:
 
 
 def time_unit(column: str) -> float | None:
-    """Length of the unit of time in a column's name [s]; `None` if the name has no such unit."""
+    """Length of the unit of time in a column name [s]; `None` if the name has no such unit."""
     return SECONDS.get(split_time(column)[1].strip().lower())
 
 
 def split_time(column: str) -> tuple[str, str]:
-    """Splits a column's name into the name without unit, and its unit of time, which may be one letter."""
+    """Splits a column name into the name without unit, and its unit of time, which may be a single letter."""
     text, unit = split_unit(column)
     hit = None if unit else TIME_TAIL.fullmatch(text)
     return (hit[1], hit[2]) if hit else (text, unit)
 
 
 def _quantity_of_unit(unit: str, form: Sequence[str]) -> str | None:
-    """Quantity that the unit of a column shows: effort, or a quantity of motion if all words of the name are known.
+    """Quantity that the unit of a column indicates: `effort`, `q`, `dq`, `ddq`, or `None` if it is unknown.
+
+    A quantity of motion is returned only if all other words of the name are in `BESIDE_JOINT`.
 
     Args:
         unit: Unit in the name; may be empty.
-        form: Words of the name, with `*` for the joint.
+        form: Words of the name, in which `*` replaces the joint.
     """
     kind = unit_of(unit) if unit else None
     if kind is None:
@@ -287,18 +295,21 @@ def _quantity_of_unit(unit: str, form: Sequence[str]) -> str | None:
 
 
 def _q_is_joint(form: Sequence[str]) -> bool:
-    """Tests whether the letter q is directly before the number, so that both may name a joint, as in `q1_trq`."""
+    """Checks whether the letter q is directly before the number, so that both may name a joint, as in `q1_trq`."""
     return any(pair == ("q", "*") for pair in itertools.pairwise(form))
 
 
 def _channels(parts: Sequence[str], labels: Sequence[str], unit: str) -> list[tuple[str | int, list[str]]]:
-    """Possible channels in a name: the longest joint name, otherwise each number; empty if the name has neither.
+    """Possible channels in a name, each with the words of the name in which `*` replaces the channel.
+
+    The channel is the longest joint name in the name, otherwise each number. It is empty if the name contains
+    neither.
 
     Args:
         parts: Words of the name.
-        labels: Names of the joints.
-        unit: Unit in the name. If the name contains the name of a joint, the unit may show the quantity, and no other
-            word is needed.
+        labels: Names of the joints, longer names first.
+        unit: Unit in the name. If the name contains the name of a joint, the unit may indicate the quantity, and no
+            other word is needed.
     """
     for label in labels:
         name = words(label)
@@ -313,7 +324,7 @@ def _channels(parts: Sequence[str], labels: Sequence[str], unit: str) -> list[tu
 
 
 def quantity_of(form: Sequence[str]) -> str | None:
-    """Quantity that the words of a name indicate; `None` if they are ambiguous."""
+    """Quantity that the words of a name indicate; `None` if they indicate none or several."""
     found = {quantity for quantity, known in QUANTITIES.items() if set(known) & set(form)}
     if len(found) == 2 and "q" in found and set(QUANTITIES["q"]) & set(form) == {"q"} and _q_is_joint(form):
         found.remove("q")
@@ -323,7 +334,10 @@ def quantity_of(form: Sequence[str]) -> str | None:
 
 
 def unit_of(unit: str) -> tuple[str, float] | None:
-    """Quantity of a unit, and factor that converts the unit to that of armid; powers of time are ignored."""
+    """Quantity of a unit, and factor that converts the unit to the unit of armid; `None` if it is unknown.
+
+    Powers of time are ignored, so `rad/s` is treated as `rad`.
+    """
     text = re.sub(r"[\s_·*.⋅^\-]", "", unit.split("/")[0]).lower()
     per_second = PER_SECOND.fullmatch(text)
     return UNITS.get(per_second[1] if per_second else text)
@@ -336,7 +350,7 @@ def unit_kind(unit: str) -> tuple[str, float] | None:
 
 
 def column_unit(column: str) -> tuple[str, float] | None:
-    """Quantity of the unit in a column's name, and factor that converts this unit to armid's; `None` if unknown."""
+    """Quantity of the unit in a column name, and factor that converts it to the unit of armid; `None` if unknown."""
     text, unit = split_unit(column)
     if unit:
         return unit_of(unit)
@@ -344,7 +358,7 @@ def column_unit(column: str) -> tuple[str, float] | None:
 
 
 def _fits(quantity: str, kind: str) -> bool:
-    """Tests whether a quantity (`q`, `effort`, …) can have a unit of the given kind (`rad`, `torque`, …)."""
+    """Checks whether a quantity (`q`, `effort`, …) can have a unit of the given kind (`rad`, `torque`, …)."""
     if quantity in ("q", "dq", "ddq"):
         return kind in ("rad", "deg", "m")
     return kind == "current" if quantity == "current" else kind in ("torque", "current")

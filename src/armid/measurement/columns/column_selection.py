@@ -1,4 +1,4 @@
-"""Selection of the columns of a file with time, position, velocity, acceleration and effort."""
+"""Selection of the columns of a file that contain time, position, velocity, acceleration and effort."""
 
 from __future__ import annotations
 
@@ -33,16 +33,17 @@ DEFAULTS: Mapping[str, tuple[str, ...]] = {
     "ddq": ("ddq{}", "qdd{}", "ddq", "qdd"),
     "effort": ("tau{}", "effort{}", "torque{}", "tau", "effort", "torque", "i{}"),
 }
-"""Names that are tried, in this order, if the log format gives none; `{}` stands for the numbers 1, 2, …."""
+"""Column names that are tried, in this order, for a quantity without names in the log format; `{}` is replaced by the
+numbers 1, 2, …."""
 
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Columns chosen in one file.
+    """Columns of one file that were chosen for each quantity.
 
     Attributes:
         time: Names of the time columns: none, one, or two (seconds and nanoseconds).
-        q: Names of the position columns, one for each channel, or the name of one matrix.
+        q: Names of the position columns, one for each channel, or the name of one matrix with all channels.
         dq: Names of the velocity columns, as for `q`; empty if there are none.
         ddq: Names of the acceleration columns, as for `q`; empty if there are none.
         effort: Names of the effort columns, as for `q`; empty if there are none.
@@ -73,20 +74,20 @@ def select(
     matrices: bool = False,
     values: Values | None = None,
 ) -> Selection:
-    """Chooses columns: by the names in the log format, its preset, the usual names, or a guess.
+    """Chooses columns by the names in the log format, the names of its preset, the usual names, or a guess.
 
     Args:
         names: Columns or variables of the file.
         log_format: Log format of the file.
         path: The file, for messages.
         robot: The arm; the names of its joints may occur in the names of the columns.
-        matrices: True if one variable may hold all channels.
-        values: Function that returns the numbers of a column. It is used to detect a clock whose name does not show
-            that it is a clock.
+        matrices: True if one variable of the file may contain all channels as a matrix.
+        values: Function that returns the numbers of a column. It is used to detect a clock that its name does not
+            indicate.
 
     Raises:
-        RecordingError: A named column does not exist, numbered columns have a gap, no columns hold positions, or
-            several sets of columns may hold positions. The message lists the columns.
+        RecordingError: A named column does not exist, numbered columns have a gap, no columns contain positions, or
+            several sets of columns may contain positions. The message lists the columns.
     """
     present = dict.fromkeys(names)
     chosen = _stated(present, log_format, path, robot)
@@ -126,7 +127,7 @@ def select(
 def _stated(
     present: Mapping[str, Any], log_format: LogFormat, path: Path, robot: Robot | None
 ) -> dict[str, tuple[str, ...]]:
-    """Columns of each quantity, by the names in the log format, the names of its preset, or the usual names."""
+    """Columns of each quantity by the names in the log format, the names of its preset, or the usual names."""
     chosen: dict[str, tuple[str, ...]] = {}
     for quantity in QUANTITIES:
         if quantity in log_format.columns:
@@ -160,8 +161,8 @@ def assemble(
         selection: Names of the chosen columns.
         column: Function that returns the numbers of a column or matrix, given its name; shape (N,) or (N, n).
         log_format: Log format of the file.
-        path: The file.
-        joint_names: Names of the channels, if the file has them.
+        path: Path of the file.
+        joint_names: Names of the channels in the file; empty if it has none.
     """
     quantities = (*selection.q, *selection.dq, *selection.ddq, *selection.effort)
     names_hold = "units" not in overruled({"q": selection.q, "time": selection.time}, log_format)
@@ -203,10 +204,10 @@ def _guess(
     matrices: bool,
     values: Values | None,
 ) -> Guess:
-    """Guesses the columns of the quantities that are still unknown.
+    """Guesses the columns of the quantities for which no columns are chosen yet.
 
     Raises:
-        RecordingError: Several sets of columns are equally good.
+        RecordingError: Several sets of columns fit equally well.
     """
     wanted, labels = _labels(log_format, robot)
     guess = guess_columns(
@@ -225,7 +226,7 @@ def _guess(
 
 
 def _labels(log_format: LogFormat, robot: Robot | None) -> tuple[list[str], list[str]]:
-    """Names that the joints of the arm, and all joints of its description, have in the file."""
+    """Names, in the file, of the joints of the arm and of all joints of its description (including locked joints)."""
     named = {} if log_format.joints_numbered else log_format.joint_map
     in_file = {joint: name for name, joint in named.items() if joint}
     wanted, labels = ([], []) if robot is None else (robot.joint_names, robot.described_joints)
@@ -233,7 +234,7 @@ def _labels(log_format: LogFormat, robot: Robot | None) -> tuple[list[str], list
 
 
 def _as_fields(guess: Guess, log_format: LogFormat, robot: Robot | None) -> dict[str, Any]:
-    """Fields of a log format that state the guessed columns."""
+    """Fields of a log format (`columns`, `joints`) with which the guessed columns would be selected."""
     if not guess.columns:
         return {}
     fields: dict[str, Any] = {"columns": {**log_format.columns, **guess.columns}}
@@ -253,7 +254,7 @@ def _findings(
     contradicted: Collection[str],
     doubt: str,
 ) -> tuple[Finding, ...]:
-    """Findings about guessed columns and units, with the lines of a study that state them."""
+    """Findings about guessed columns and units, each with the lines of a study that state them explicitly."""
     units = stated_units(chosen, contradicted)
     chosen_by = "The time column was chosen by its name" if set(guess.columns) == {"time"} else ""
     chosen_by = chosen_by or "The columns were chosen by their names"
@@ -274,7 +275,10 @@ def _findings(
 
 
 def _lacks_clock(chosen: Mapping[str, tuple[str, ...]], log_format: LogFormat) -> bool:
-    """Tests whether a time column is missing that the log format neither replaces nor leaves out."""
+    """Checks whether a time column is needed but missing.
+
+    None is needed if the log format has a rate or a preset, or states that the rows are not consecutive.
+    """
     needed = log_format.rate is None and log_format.consecutive is not False and log_format.preset is None
     return needed and not chosen["time"] and "time" not in log_format.columns
 
@@ -282,7 +286,7 @@ def _lacks_clock(chosen: Mapping[str, tuple[str, ...]], log_format: LogFormat) -
 def _possible_clocks(
     present: Mapping[str, Any], chosen: Mapping[str, tuple[str, ...]], values: Values, log_format: LogFormat
 ) -> tuple[Finding, ...]:
-    """Finding about unused columns that increase uniformly; one of these may be the missing clock."""
+    """Finding that lists unused columns that increase uniformly, of which one may be the missing clock."""
     found = evenly_growing(list(present), set(chain.from_iterable(chosen.values())), values)
     if not found:
         return ()
@@ -298,7 +302,7 @@ def _possible_clocks(
 
 
 def numeric(values: NDArray[Any], name: str, path: Path) -> Array:
-    """Values of a column as float64.
+    """Converts the values of a column to float64.
 
     Raises:
         RecordingError: The column has values other than real numbers, or is not a vector or matrix.
@@ -318,7 +322,7 @@ def numeric(values: NDArray[Any], name: str, path: Path) -> Array:
 
 
 def _named(patterns: tuple[str, ...], present: Mapping[str, Any], quantity: str, path: Path) -> tuple[str, ...]:
-    """Names of the columns that a pattern or a list of names selects; all of them must exist in the file."""
+    """Names of the columns that a single pattern or a list of names selects; all of them must exist in the file."""
     if len(patterns) == 1:
         found = _expand(patterns[0], present, path)
         if not found:
@@ -335,7 +339,8 @@ def _expand(
 ) -> tuple[str, ...]:
     """Columns that match a pattern, in the order of their numbers.
 
-    The numbers must start at 1 for `{}` and at 0 for `{0}`; for the usual names that armid tries, both are possible.
+    The numbers must start at 1 for `{}` and at 0 for `{0}`. For the usual names (`usual`), columns that are numbered
+    from 0 do not match, because they are guessed later, with a finding.
     """
     for braces, first in (("{}", 1), ("{0}", 0)):
         if braces not in pattern:
@@ -375,7 +380,7 @@ def _refuse_two_efforts(effort: tuple[str, ...], present: Mapping[str, Any], pat
 
 
 def _matrix(names: tuple[str, ...], column: Callable[[str], NDArray[Any]], path: Path) -> NDArray[Any]:
-    """Reads columns, or one matrix, as one matrix of shape (N, n)."""
+    """Reads several columns, or one matrix, into one matrix of shape (N, n)."""
     values = [column(name) for name in names]
     if len(values) == 1:
         return values[0] if values[0].ndim == 2 else values[0][:, None]

@@ -15,20 +15,21 @@ from armid.measurement.recording import Recording
 from armid.robot.robot import Held, Robot
 
 MOVES = {"rad": 0.01, "m": 1e-3}
-"""Range of positions above which a locked joint counts as moving, by unit; noise and the play of a brake cause
-less."""
+"""Range of the positions of a locked joint above which it counts as moving, by unit [rad or m]; noise and the play of
+a brake cause less."""
 
 ELSEWHERE = {"rad": 0.05, "m": 5e-3}
-"""Distance of a locked joint from its stated position above which gravity torques change noticeably, by unit."""
+"""Distance of a locked joint from its stated position above which gravity torques change noticeably, by unit [rad or
+m]."""
 
 LISTED = 20
-"""Largest number of channel names in a finding; a humanoid robot can have fifty channels."""
+"""Largest number of channel names in a finding, because a humanoid robot can have fifty channels."""
 
 
 def in_joint_order(
     recording: Recording, log_format: LogFormat, robot: Robot
 ) -> tuple[Recording, tuple[Finding, ...]]:
-    """Selects the channels of the robot's joints, in the order of the robot; the other channels are reported.
+    """Selects the channels of the robot's joints, in the order of the robot; other channels are named in findings.
 
     Raises:
         RecordingError: Joints and channels do not match.
@@ -54,13 +55,16 @@ def in_joint_order(
 
 
 def _reordered(columns: tuple[str, ...], order: list[int], channels: int, quantity: str) -> tuple[str, ...]:
-    """Columns of a quantity in the order of the joints; times and matrices are returned unchanged."""
+    """Columns of a quantity in the order of the joints; columns of time and matrices are returned unchanged."""
     by_joint = quantity != "time" and len(columns) == channels
     return tuple(columns[k] for k in order) if by_joint else columns
 
 
 def _targets(recording: Recording, log_format: LogFormat, robot: Robot) -> list[str]:
-    """Joint of each channel: a joint of the robot, a locked joint or a joint of another arm; empty for no joint."""
+    """Name of the joint of each channel, empty for a channel that is not used.
+
+    The joint may be a joint of the robot, a locked joint or a joint of another arm.
+    """
     given = log_format.joint_map
     channels = recording.channels
     unknown = [name for name in given if name not in channels]
@@ -97,7 +101,9 @@ def _targets(recording: Recording, log_format: LogFormat, robot: Robot) -> list[
 
 
 def by_number(recording: Recording, robot: Robot) -> tuple[str, ...]:
-    """Joints of unnamed channels: the joints of the robot, or all joints of its description if some are locked.
+    """Joints to which unnamed channels are assigned by their number, in order.
+
+    They are the joints of the robot or, if there is a channel for every joint of its description, all these joints.
 
     Raises:
         RecordingError: The number of channels is neither that of the robot's joints nor that of all joints.
@@ -118,7 +124,7 @@ def by_number(recording: Recording, robot: Robot) -> tuple[str, ...]:
 
 
 def _others(recording: Recording, log_format: LogFormat, robot: Robot, targets: list[str]) -> tuple[Finding, ...]:
-    """Findings about channels that belong to no joint of the robot."""
+    """Findings about channels that do not belong to a moving joint of the robot."""
     held = {each.name: each for each in robot.held}
     found = [_of_held(recording.q[:, k], held[name], log_format) for k, name in enumerate(targets) if name in held]
     extra = [
@@ -137,7 +143,7 @@ def _others(recording: Recording, log_format: LogFormat, robot: Robot, targets: 
 
 
 def _of_held(q: Array, held: Held, log_format: LogFormat) -> Finding | None:
-    """Finding about a locked joint that moves in the recording, or is elsewhere than stated; `None` otherwise."""
+    """Finding about a locked joint that moves in the recording or is not at its stated position; otherwise `None`."""
     q = q[np.isfinite(q)]
     if not q.size or log_format.transmission is not None:
         return None

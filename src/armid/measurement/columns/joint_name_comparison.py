@@ -28,19 +28,19 @@ from armid.remedy import Remedy, setting
 from armid.robot.robot import Robot
 
 LISTED = 12
-"""Largest number of joints named in a message."""
+"""Largest number of joints that are named in a message."""
 
 ANGLES = frozenset(("roll", "pitch", "yaw"))
-"""Words for the orientation of a body that are also usual in names of joints."""
+"""Words that describe the orientation of a body and are also usual in names of joints."""
 
 GENERIC = frozenset("joint joints jnt axis axes arm robot motor motors link ch channel dof state states".split())
-"""Words that do not identify an arm; words of fewer than three letters are ignored, too."""
+"""Words that do not identify an arm. Words of fewer than three letters do not identify an arm, either."""
 
 
 def stated_joints(names: Sequence[str], quantity: str) -> dict[str, str]:
-    """Columns of a quantity, by the names of their joints.
+    """Columns of a quantity, by the names of the joints that the column names contain.
 
-    The name of the joint is the name of the column without the words of the quantity.
+    The name of the joint is the name of the column without the words for the quantity.
 
     Args:
         names: All columns.
@@ -68,19 +68,20 @@ def refuse_other_joints(
     path: Path,
     incomplete: RecordingError | None = None,
 ) -> None:
-    """Raises an error for a log whose columns name other joints than the description, or only some of its joints.
+    """Raises an error if the columns of a log name joints that do not match the joints of the description.
 
-    Columns whose names differ only in a number are numbered channels. An error is raised if the number of channels
-    differs from the number of joints and the names contain the name of another arm.
+    The error is also raised if they name only some of its joints. Columns whose names differ only in a number are
+    numbered channels; for these, an error is raised if their number differs from the number of joints and their names
+    contain the name of another arm.
 
     Args:
         names: All columns.
         log_format: Log format of the file.
         robot: The arm.
-        labels: Names of the joints of the arm in the file.
+        labels: Names that the joints of the arm have in the file.
         numbered: Columns of positions that would be read by their numbers.
         path: The file.
-        incomplete: Error for a log with some of the joints; `None` if it has all or none of them.
+        incomplete: Error that is raised if the log has only some of the joints; `None` if it has all or none of them.
 
     Raises:
         RecordingError: The log names other joints; the message lists both and the columns to name.
@@ -110,12 +111,12 @@ def refuse_other_joints(
 
 
 def missing_joints(names: Sequence[str], robot: Robot, labels: Sequence[str], path: Path) -> RecordingError | None:
-    """Error for a log with columns of positions of some of the arm's joints; `None` if it has all or none of them.
+    """Error for a log with columns of positions for only some joints of the arm; `None` for all or no joints.
 
     Args:
         names: All columns.
         robot: The arm.
-        labels: Names in the file of the joints that move.
+        labels: Names that the joints of the arm have in the file.
         path: The file.
     """
     columns = columns_of_joints(names, labels, ("q",))
@@ -143,7 +144,7 @@ def columns_of_joints(names: Sequence[str], labels: Sequence[str], quantities: C
     Args:
         names: Columns.
         labels: Names of the joints in the file.
-        quantities: Quantities, of `q`, `dq`, `ddq`, `effort` and `current`.
+        quantities: Selection of `q`, `dq`, `ddq`, `effort` and `current`.
     """
     longest = sorted(labels, key=lambda label: -len(words(label)))
     found: dict[str, str] = {}
@@ -155,7 +156,7 @@ def columns_of_joints(names: Sequence[str], labels: Sequence[str], quantities: C
 
 
 def _selection(joints: Sequence[str], robot: Robot) -> str:
-    """Value of an option such as `--only` that selects given joints: their names, or a pattern."""
+    """Value of an option such as `--only` that selects the given joints: a pattern, or the list of their names."""
     same = takewhile(lambda letters: len(set(letters)) == 1, zip(*joints, strict=False))
     pattern = "".join(letters[0] for letters in same) + "*"
     selected = [name for name in robot.described_joints if fnmatchcase(name, pattern)]
@@ -163,13 +164,13 @@ def _selection(joints: Sequence[str], robot: Robot) -> str:
 
 
 def comparison(in_log: Sequence[str], labels: Sequence[str], robot: str, *, what: str = "names joints") -> str:
-    """Sentence that compares the joint names of a log with the joints of the description and counts the matches.
+    """Text that compares the joint names in a log with the joints of the description and counts the matches.
 
     Args:
-        in_log: Names of the joints in the log.
-        labels: Names of the description's joints in the log.
+        in_log: Names of joints in the log.
+        labels: Names that the joints of the description would have in the log.
         robot: Name of the arm.
-        what: Verb and object of the sentence about the log: `names joints` or `has positions`.
+        what: Verb and object of the statement about the log: `names joints` or `has positions`.
     """
     matching = sum(any(same_joint(label, name) for name in in_log) for label in labels)
     count = f"{matching} of {len(labels)} match" if matching else "none match"
@@ -177,17 +178,17 @@ def comparison(in_log: Sequence[str], labels: Sequence[str], robot: str, *, what
 
 
 def same_joint(label: str, name: str) -> bool:
-    """Tests whether a name in a log is that of a joint; additional words, such as a prefix, are ignored."""
+    """Checks whether a name in a log contains all words of a joint name; a prefix, for instance, is ignored."""
     parts, form = words(name), words(label)
     return any(parts[k : k + len(form)] == form for k in range(len(parts) - len(form) + 1))
 
 
 def other_arm(columns: Sequence[str], labels: Sequence[str], robot: str) -> str:
-    """Sentence about numbered columns whose names contain the name of another arm; empty if they do not.
+    """Text with a warning if the names of numbered columns contain the name of another arm; otherwise empty.
 
     Args:
         columns: Columns of positions that are read by their numbers.
-        labels: Names of the arm's joints in the file.
+        labels: Names that the joints of the arm have in the file.
         robot: Name of the arm.
     """
     names = list(stated_joints(columns, "q"))
@@ -204,14 +205,14 @@ def other_arm(columns: Sequence[str], labels: Sequence[str], robot: str) -> str:
 
 
 def _stem(name: str) -> str:
-    """Name without its numbers."""
+    """Name in which `#` replaces each number."""
     return re.sub(r"\d+", "#", name)
 
 
 def _remedy(
     columns: Mapping[str, Mapping[str, str]], log_format: LogFormat, robot: Robot, labels: Sequence[str]
 ) -> Remedy:
-    """Remedy: to give another description, to lock joints that were not recorded, or to name the columns by joint."""
+    """Remedy: give another description, lock joints that were not recorded, or name the columns by joint."""
     stated = columns["q"]
     missing = [label for label in labels if not any(same_joint(label, name) for name in stated)]
     locked = (

@@ -1,4 +1,4 @@
-"""Search for columns that are missing in a set of numbered columns, and for the joints to which they would belong."""
+"""Search for missing columns in a set of numbered columns, and for the joints to which they would belong."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from armid.robot.robot import Robot
 
 
 def joints_of_channels(count: int, log_format: LogFormat, robot: Robot | None) -> tuple[str, ...]:
-    """Joints to which numbered channels would be assigned; empty if they are unknown.
+    """Names of the joints to which numbered channels would be assigned; empty if they are unknown.
 
     Args:
         count: Number of channels.
-        log_format: Log format of the file; if it names joints, none are returned.
+        log_format: Log format of the file; if it assigns channels to joints, the result is empty.
         robot: The arm, if it is known.
     """
     if robot is None or log_format.joints:
@@ -28,16 +28,16 @@ def joints_of_channels(count: int, log_format: LogFormat, robot: Robot | None) -
 
 
 def absent_columns(columns: Sequence[str], positions: Sequence[str]) -> dict[int, str]:
-    """Names of columns that are missing compared with the columns of positions, by index of the channel.
+    """Names of the columns that a quantity lacks in comparison with the positions, by index of the channel.
 
     Args:
         columns: Columns of a quantity, whose names differ only in one number.
         positions: Columns of positions, whose names also differ only in one number.
 
     Returns:
-        Names of the missing columns. The result is empty if the columns are not numbered like the positions, or if
-        their numbering is not clear: if positions are numbered from 0 and no column has the number 0, the columns may
-        be numbered from 1.
+        Names of the missing columns. The result is empty if the columns are not numbered in the same way as the
+        positions, or if their numbering is ambiguous: if positions are numbered from 0 and no column has the number
+        0, the columns may be numbered from 1.
     """
     own, every = _numbers(columns), _numbers(positions)
     if own is None or every is None or not set(own[2]) < set(every[2]) or _may_start_at_1(own[2], every[2]):
@@ -47,7 +47,9 @@ def absent_columns(columns: Sequence[str], positions: Sequence[str]) -> dict[int
 
 
 def incomplete_effort(unread: Sequence[str], positions: Sequence[str]) -> tuple[tuple[str, ...], dict[int, str]]:
-    """Largest incomplete set of numbered columns whose names say that they hold effort, and its missing columns.
+    """Largest incomplete set of numbered columns whose names indicate effort, and the columns missing from it.
+
+    The missing columns are given by index of the channel.
 
     Args:
         unread: Columns that were not read.
@@ -70,15 +72,15 @@ def uneven_channels(
     log_format: LogFormat,
     joints: Sequence[str] = (),
 ) -> RecordingError:
-    """Error for quantities with different numbers of channels.
+    """Error for positions and effort with different numbers of channels.
 
     Args:
-        chosen: Columns by quantity.
+        chosen: Names of the columns of each quantity.
         q: Number of channels of positions.
         effort: Number of channels of effort.
         path: The file.
         log_format: Log format of the file.
-        joints: Joints of the channels; empty if they are unknown.
+        joints: Names of the joints of the channels; empty if they are unknown.
     """
     listed = [
         f"{count} columns of {name} ({' … '.join(dict.fromkeys((*chosen[name][:1], *chosen[name][-1:])))})"
@@ -98,7 +100,7 @@ def uneven_channels(
 
 
 def with_joints(absent: Mapping[int, str], joints: Sequence[str]) -> str:
-    """Text that lists missing columns, with their joints if these are known: `tau3 (elbow)`."""
+    """Text that lists missing columns, each followed by its joint if this is known: `tau3 (elbow)`."""
     return ", ".join(f"{name} ({joints[k]})" if k < len(joints) else name for k, name in absent.items())
 
 
@@ -109,13 +111,13 @@ def remedy_of(
     joints: Sequence[str],
     log_format: LogFormat,
 ) -> Remedy:
-    """Remedy for missing columns of effort: log them, or lock their joints and leave out all columns of these joints.
+    """Remedy for missing columns of effort: log them, or lock their joints and leave out the columns of these joints.
 
     Args:
         absent: Missing columns by index of the channel.
         effort: Columns of effort that the file has.
-        chosen: Columns of the other quantities.
-        joints: Joints of the channels; empty if they are unknown.
+        chosen: Names of the columns of each quantity.
+        joints: Names of the joints of the channels; empty if they are unknown.
         log_format: Log format of the file.
     """
     names = [joints[k] if k < len(joints) else f"the joint of {name}" for k, name in absent.items()]
@@ -133,12 +135,15 @@ def remedy_of(
 
 
 def _may_start_at_1(numbers: Sequence[int], positions: Sequence[int]) -> bool:
-    """True if columns may be numbered from 1 although the columns of positions are numbered from 0."""
+    """Checks whether columns may be numbered from 1 although the columns of positions are numbered from 0."""
     return 0 in positions and 0 not in numbers and {number - 1 for number in numbers} <= set(positions)
 
 
 def _numbers(columns: Sequence[str]) -> tuple[str, str, list[int]] | None:
-    """Text before and after the only number in which names differ, and the numbers; `None` if they differ in more."""
+    """Text before and after the single number in which the names differ, and the numbers of all names.
+
+    The result is `None` if the names differ in more than one number, or if there are fewer than two names.
+    """
     for number in re.finditer(r"\d+", columns[0]) if columns else ():
         before, after = columns[0][: number.start()], columns[0][number.end() :]
         form = re.compile(re.escape(before) + r"(\d+)" + re.escape(after))

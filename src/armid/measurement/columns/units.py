@@ -29,10 +29,10 @@ AMPERE = re.compile(r".+[_\s.-]A")
 
 
 def hold_current(effort: Sequence[str], q: Sequence[str] = ()) -> bool:
-    """Tests whether columns of effort contain motor currents, from the units or words in their names.
+    """Checks whether columns of effort contain motor currents, according to the units or words in their names.
 
-    A final letter A is taken as the unit ampere if it follows the joint in the names of all columns of effort, and in
-    no name of a column of positions.
+    A final letter A is taken as the unit ampere if it ends the names of all columns of effort after a separator, and
+    ends no name of a column of positions.
 
     Args:
         effort: Columns of effort.
@@ -45,7 +45,7 @@ def hold_current(effort: Sequence[str], q: Sequence[str] = ()) -> bool:
 
 
 def _is_current(column: str) -> bool:
-    """Tests whether the unit or a word in the name of a column shows that it contains motor currents."""
+    """Checks whether the unit or a word in a column name indicates that the column contains motor currents."""
     unit = column_unit(column)
     if unit is not None:
         return unit[0] == "current"
@@ -57,7 +57,7 @@ def _ends_in_a(column: str) -> bool:
 
 
 def unit_fields(chosen: Mapping[str, Sequence[str]], log_format: LogFormat) -> dict[str, Any]:
-    """Fields `units` and `time_unit` from the names of the chosen columns, if the log format does not give them."""
+    """Fields `units` and `time_unit`, if the log format lacks them, from the names of the chosen columns."""
     fields: dict[str, Any] = {}
     if log_format.units is None and any((column_unit(name) or ("",))[0] == "deg" for name in chosen["q"]):
         fields["units"] = "deg"
@@ -69,7 +69,7 @@ def unit_fields(chosen: Mapping[str, Sequence[str]], log_format: LogFormat) -> d
 
 
 def overruled(chosen: Mapping[str, Sequence[str]], log_format: LogFormat) -> dict[str, str]:
-    """Fields of the log format that contradict the names of the chosen columns, with a sentence about each field."""
+    """Fields of the log format that contradict the names of the chosen columns, each with a sentence about it."""
     found: dict[str, str] = {}
     units = log_format.units
     given = repeat(units) if units is None or isinstance(units, str) else units
@@ -92,12 +92,14 @@ def overruled(chosen: Mapping[str, Sequence[str]], log_format: LogFormat) -> dic
 
 
 def factors(columns: Sequence[str], units: str | Sequence[str] | None, *, angles: bool = True) -> dict[str, float]:
-    """Factors that convert columns to SI units and all angles to the unit of the log format.
+    """Factors by which columns must be multiplied to be in SI units, with angles in the unit of the log format.
+
+    Columns with the factor 1 are not in the result.
 
     Args:
         columns: Columns of positions, velocities, accelerations and efforts.
         units: Unit of angles in the log format. If it is a list with one unit for each joint, this function does not
-            convert angles.
+            convert angles in degrees.
         angles: True if the units of angles in the names of the columns are used.
     """
     found: dict[str, float] = {}
@@ -115,11 +117,12 @@ def factors(columns: Sequence[str], units: str | Sequence[str] | None, *, angles
 
 
 def stated_units(chosen: Mapping[str, Sequence[str]], without: Collection[str] = ()) -> str:
-    """Text that lists the units in the names of the chosen columns that are not SI units; empty if there are none.
+    """Text that lists the units in the names of the chosen columns other than SI units; empty if there are none.
 
     Args:
-        chosen: Columns by quantity.
-        without: Fields of the log format whose units in the names are not used.
+        chosen: Names of the columns of each quantity.
+        without: Fields of the log format (`units`, `time_unit`) that replace the units in the names, so that these
+            are not listed.
     """
     texts: list[str] = []
     for quantity, columns in chosen.items():
@@ -132,7 +135,7 @@ def stated_units(chosen: Mapping[str, Sequence[str]], without: Collection[str] =
 
 
 def _stated_unit(quantity: str, column: str) -> str:
-    """Unit as it is written in a column's name: at the end of the name or, for a unit of angle, anywhere in it."""
+    """Unit as it is written in a column name: at the end of the name or, for a unit of angle, anywhere in it."""
     return split_time(column)[1] if quantity == "time" else split_unit(column)[1] or "deg"
 
 

@@ -19,10 +19,10 @@ from armid.remedy import Remedy, setting
 from armid.robot.robot import Robot
 
 NAMED = 12
-"""Largest number of columns named in a message."""
+"""Largest number of columns that are named in a message."""
 
 LISTED = 60
-"""Largest number of names in a list of all columns; the log of a controller may have hundreds."""
+"""Largest number of names in a list of all columns, because the log of a controller may have hundreds."""
 
 
 def effort_possible(
@@ -36,10 +36,10 @@ def effort_possible(
 
     Args:
         names: All columns.
-        chosen: Columns by quantity.
+        chosen: Names of the columns of each quantity.
         log_format: Log format of the file.
-        labels: Names of the joints in the file.
-        joints: Joints of numbered channels; empty if they are unknown.
+        labels: Names that the joints have in the file.
+        joints: Names of the joints of numbered channels; empty if they are unknown.
     """
     if chosen["effort"] or "effort" in log_format.columns or log_format.preset is not None:
         return ()
@@ -84,16 +84,16 @@ def positions_missing(
     *,
     clocks: Mapping[str, float],
 ) -> RecordingError:
-    """Error for a file without positions; it also names the other missing quantities and possible columns.
+    """Error for a file without positions; its message also names other missing quantities and possible columns.
 
     Args:
         present: All columns.
-        chosen: Columns by quantity.
+        chosen: Names of the columns of each quantity.
         log_format: Log format of the file.
         path: The file.
         robot: The arm, if it is known.
-        labels: Names of the joints of the arm in the file.
-        clocks: Unread columns that increase evenly, with their median steps; one of them may be a missing clock.
+        labels: Names that the joints of the arm have in the file.
+        clocks: Unread columns that increase uniformly, with their median steps; one of them may be a missing clock.
     """
     used = {*chain.from_iterable(chosen.values()), *clocks}
     present = list(present)
@@ -128,7 +128,7 @@ def positions_missing(
 
 
 def _missing(chosen: Mapping[str, Sequence[str]], log_format: LogFormat) -> dict[str, str]:
-    """Names of the quantities that an identification needs and that are not in the file, by their keys."""
+    """Names of the quantities that an identification needs and that have no columns, by their keys."""
     names = {"q": "positions", "effort": "effort (torque or current)", "time": "time"}
     left_out = {name for name, columns in log_format.columns.items() if not columns}
     if log_format.rate is not None or log_format.consecutive is False:
@@ -142,13 +142,13 @@ def _listing(names: Sequence[str], word: str) -> str:
 
 
 def ambiguous_columns(request: ClockRequest, q: Sequence[str], log_format: LogFormat, path: Path) -> RecordingError:
-    """Error that asks for the columns of all quantities at once.
+    """Error that asks the user to choose the columns of all quantities with ambiguous guesses.
 
-    For each quantity, the remedy names one set: the set whose names have most words in common with the columns of
+    For each quantity, the remedy proposes one set: the set whose names have most words in common with the columns of
     positions or, if these are unknown, with the first set.
 
     Args:
-        request: Sets of columns by quantity.
+        request: Ambiguous guess of one quantity, with the guesses of the others.
         q: Columns of positions, if these are known.
         log_format: Log format of the file.
         path: The file.
@@ -165,7 +165,7 @@ def ambiguous_columns(request: ClockRequest, q: Sequence[str], log_format: LogFo
 
 
 def no_such_column(problem: str, present: Iterable[str], quantity: str, path: Path) -> RecordingError:
-    """Error for a named column that does not exist."""
+    """Error for a column that is named in the log format but does not exist in the file."""
     wanted = setting("columns", {quantity: "…" if quantity == "time" else ["…", "…"]})
     return RecordingError(
         f"{path}: {problem} for {quantity}.",
@@ -184,11 +184,11 @@ def _listed(present: Iterable[str]) -> str:
 def channel_sets(names: Sequence[str], labels: Sequence[str], count: int) -> list[tuple[str, ...]]:
     """Sets of `count` columns, one column for each channel, whose names differ only in the joint.
 
-    If there is no such set, but exactly `count` columns, all columns are one set.
+    If there is no such set, but there are exactly `count` columns, all of them are one set.
 
     Args:
         names: Columns.
-        labels: Names of the joints in the file.
+        labels: Names that the joints have in the file.
         count: Number of channels.
     """
     found: dict[tuple[str, ...], dict[str, str]] = {}
@@ -209,7 +209,7 @@ def channel_sets(names: Sequence[str], labels: Sequence[str], count: int) -> lis
 
 
 def pattern_of(columns: Sequence[str], names: Sequence[str]) -> str | Sequence[str]:
-    """Pattern, such as `m{}_torque`, that matches exactly given columns; if there is none, the columns."""
+    """Pattern, such as `m{}_torque`, that matches exactly the given columns; if there is none, the columns."""
     for number in re.finditer(r"\d+", columns[0]):
         before, after = columns[0][: number.start()], columns[0][number.end() :]
         braces = {"0": "{0}", "1": "{}"}.get(number[0])

@@ -1,4 +1,4 @@
-"""Checks of the clock of a recording: its direction, its unit, its rate, and equal time stamps."""
+"""Checks of the clock of a recording: its direction, its unit, its rate, and repeated time stamps."""
 
 from __future__ import annotations
 
@@ -14,24 +14,25 @@ from armid.measurement.remedy_builders import lines, naming
 from armid.remedy import Remedy, setting
 
 RATE_TOLERANCE = 0.1
-"""Relative difference of two rates that is tolerated; a wrong rate differs by a large factor."""
+"""Largest tolerated relative difference between two values of the sample rate; a wrong rate differs by a large
+factor."""
 
 CLOCK_TIES = 0.01
-"""Largest share of rows with the same time stamp as the row before that a coarse clock can explain."""
+"""Largest share of rows with the time stamp of the row before at which a coarse clock can be the cause."""
 
 SCATTER = 5.0
-"""Largest distance of time stamps from a uniform clock, in steps, that counts as scatter of the time stamps. A
-missing second, or rows of another recording, move the time stamps much further."""
+"""Largest distance of a time stamp from a uniform clock, in steps of this clock, that counts as scatter of the time
+stamps. A missing second, or rows of another recording, move the time stamps much further."""
 
 SHORTEST_STEP = 4e-5
-"""Median step [s] below which no arm is recorded; the fastest control loops of drives have a step of 5e-5 s."""
+"""Smallest plausible median step of a clock [s]; the fastest control loops of drives have a step of 5e-5 s."""
 
 COUNTED_STEPS = (5e-4, 0.5)
-"""Smallest and largest plausible median step [s]; the true unit of a clock that seems too fast is searched so that
-its step lies between them."""
+"""Smallest and largest median step [s] that is plausible after correction of the unit. If a clock seems too fast, a
+unit is searched with which its step lies between these values."""
 
 UNITS = {1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
-"""Names of the units in which clocks count, by their length [s]."""
+"""Names of the units in which clocks count, by the length of the unit [s]."""
 
 
 def check_clock(recording: Recording, log_format: LogFormat) -> None:
@@ -39,10 +40,10 @@ def check_clock(recording: Recording, log_format: LogFormat) -> None:
 
     Args:
         recording: Recording as read from its file.
-        log_format: Log format with which it was read.
+        log_format: Log format with which the recording was read.
 
     Raises:
-        RecordingError: The clock is wrong.
+        RecordingError: The clock runs backwards, has another unit than stated, or contradicts the rate.
     """
     if recording.time is None:
         return
@@ -116,11 +117,11 @@ def _check_unit(recording: Recording, step: float, unit: float) -> None:
 
 
 def _counted_unit(step: float, unit: float) -> float | None:
-    """Length [s] of the unit that a clock probably counts; `None` if the unit in which it was read is possible.
+    """Length [s] of the unit that a clock probably counts; `None` if the unit with which it was read is plausible.
 
     Args:
-        step: Median step as read [s].
-        unit: Length of the unit as read [s].
+        step: Median step [s], with the unit with which the clock was read.
+        unit: Length of the unit with which the clock was read [s].
     """
     shorter = unit_of_step(step)
     if shorter is not None:
@@ -132,7 +133,10 @@ def _counted_unit(step: float, unit: float) -> float | None:
 
 
 def without_ties(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
-    """Drops rows with the time stamp of the row before, if the clock is coarser than the sample time."""
+    """Drops rows that have the time stamp of the row before, as a clock with a coarse resolution causes.
+
+    Raises an error if there are more of these rows than a coarse clock can cause.
+    """
     if recording.time is None:
         return recording, ()
     tied = np.concatenate([[False], np.diff(recording.time) == 0])

@@ -15,14 +15,15 @@ from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 
 BRIDGED = 0.02
-"""Longest time step over which torque is interpolated [s]: a tenth of a period at 5 Hz. Over steps of up to `USUAL`
-median steps, torque is always interpolated."""
+"""Longest time step over which torque is interpolated [s]: a tenth of a period at 5 Hz. If `USUAL` median steps are
+longer than this, they are the limit."""
 
 USUAL = 2.5
-"""Longest time step, in median steps, over which torque is always interpolated: one lost sample and some jitter."""
+"""Longest time step, in median steps, over which torque is always interpolated: it allows for one lost sample and
+some jitter."""
 
 FEWEST = 4
-"""Smallest number of samples for a cubic spline; shorter segments between gaps are masked."""
+"""Smallest number of samples for a cubic spline; rows in shorter segments between gaps are masked."""
 
 
 def compensate_delay(recording: Recording, log_format: LogFormat) -> Recording:
@@ -61,7 +62,7 @@ def compensate_delay(recording: Recording, log_format: LogFormat) -> Recording:
 def _read_at(
     time: Array, wanted: Array, effort: Array, valid: NDArray[np.bool_], period: float | None
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Torque (N, k) interpolated at the wanted times (N,), and mask of the rows that are valid at these times."""
+    """Torque (N, k) interpolated at the wanted times (N,), and mask (N, k) of the values that are valid there."""
     if period is not None and time[-1] - time[0] > period:
         wanted = np.where(wanted > time[-1], wanted - period, np.where(wanted < time[0], wanted + period, wanted))
     before = np.clip(np.searchsorted(time, wanted, side="right") - 1, 0, len(time) - 1)

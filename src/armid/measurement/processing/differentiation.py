@@ -22,12 +22,12 @@ def motion_filter(processing: ProcessingOptions, rate: float) -> Array | None:
 
 
 def differentiate(segment: Segment, processing: ProcessingOptions, *, given: bool) -> Motion:
-    """Filters and differentiates the positions of a segment at full rate.
+    """Filters the positions of a segment and computes velocities and accelerations at the full sampling rate.
 
     Args:
-        segment: Samples at a uniform rate; the rate need not be uniform if derivatives are given.
-        processing: Options with a cut-off in Hz; filter, derivatives and edges are used.
-        given: True if the recorded derivatives are used, together with the recorded positions.
+        segment: Samples at a uniform rate; the rate need not be uniform if recorded derivatives are used.
+        processing: Options with a cut-off in Hz; the options for filter, derivatives and edges are used.
+        given: True if recorded positions, velocities and accelerations are used as they are.
     """
     if given and segment.dq is not None and segment.ddq is not None:
         return Motion(segment.time, segment.q, segment.dq, segment.ddq)

@@ -18,13 +18,15 @@ class ProcessingOptions:
     """Options for processing recordings before they are compared with a model.
 
     Attributes:
-        cutoff: Cut-off of the band in which torque and model are compared [Hz]; `auto` finds it from the motion.
+        cutoff: Cut-off of the band in which torque and model are compared [Hz]; with `auto` it is determined from the
+            motion.
         order: Order of one of the two Butterworth passes (forwards and backwards), or length of the FIR filter in
             periods of the cut-off.
         family: `butterworth`, `fir`, or `none`: nothing is filtered.
         columns: True if the columns of the model are filtered in the same way as the torque. `False` biases the
             estimate; it exists only to reproduce published results.
-        decimate: Rate of the rows after the filter [Hz]. With 0, or with the family `none`, every sample is a row.
+        decimate: Rate of the rows after the filter [Hz]. If it is 0, or with the family `none`, every sample is a
+            row.
         derivatives: `given` uses the recorded positions, velocities and accelerations without a filter; `velocity`
             filters recorded positions and velocities, and differentiates the velocities once; the other values filter
             the positions and differentiate them twice: `central` by three-point differences, `periodic` in the
@@ -32,12 +34,11 @@ class ProcessingOptions:
             If it is not given, all recorded quantities are used, which means `given`, `velocity` or `central`.
         edges: `drop` leaves out the rows at each end that depend on values beyond the end; `pad` keeps these rows;
             `periodic` is exact if the run is a whole number of periods.
-        trim: Smallest time that is left out at each end [s]. If it is not given: 0.5, or 0 if edges are `pad` or
+        trim: Shortest time that is left out at each end [s]. If it is not given: 0.5, or 0 if edges are `pad` or
             `periodic`.
-        slow: Smallest speed of a joint [rad/s or m/s]; rows at which the joint is slower are not used for it.
+        slow: Smallest speed of a joint [rad/s or m/s] at which a row is used for this joint.
         motion_cutoff: Cut-off of the filter of the positions [Hz], if it differs from `cutoff`.
-        average: True if the repetitions of a periodic motion are aligned and their mean is used instead of all of
-            them.
+        average: True if the repetitions of a periodic motion are aligned and only their mean is used.
         saturation: Share of the effort limit of a joint; rows near samples whose effort reaches this share are not
             used for this joint. Rows near a plateau (many samples with the same extreme effort) are not used either.
             With `keep`, all rows are used.
@@ -80,7 +81,7 @@ class ProcessingOptions:
         self._check_sense()
 
     def _check_sense(self) -> None:
-        """Raises an error for options that contradict each other."""
+        """Raises an error if options contradict each other."""
         if isinstance(self.saturation, float) and self.saturation > 1:
             raise StudyError(
                 f'`saturation` is a share of the effort limit, at most 1, or "keep"; found {self.saturation}.'
@@ -132,7 +133,7 @@ def _choice(name: str, value: object, known: tuple[object, ...]) -> None:
 
 
 def _number(processing: ProcessingOptions, name: str, *, zero: bool, also: str = "") -> None:
-    """Converts an option to a float that is finite and positive (or zero)."""
+    """Checks that an option is a finite and positive number (or zero, if allowed) and converts it to a float."""
     value: Any = getattr(processing, name)
     good = isinstance(value, int | float) and not isinstance(value, bool)
     if not good or not (0 < value < float("inf") or (zero and value == 0)):
@@ -154,5 +155,5 @@ THESIS = ProcessingOptions(
     standstill="keep",
 )
 """Options of section 3.2.2 of the thesis: mean of the repetitions; Butterworth filter of order 20, at 3 Hz for
-positions and at 3.5 Hz for torques but not for the model; central differences. The thesis does not give the
+positions and at 3.5 Hz for torques, but none for the model; central differences. The thesis does not give the
 treatment of edges and the rate of rows; rows at 100 Hz change the result less than the treatment of the edges."""

@@ -1,7 +1,7 @@
 """Detection of the period of a repeated motion from the positions.
 
 A motion repeats with a lag L if q(t + L) = q(t) for every joint that moves, except during the moves to the start pose
-and back. Possible lags come from the autocorrelation of the whole recording. Each possible lag is refined to a
+and back. Possible lags are taken from the autocorrelation of the whole recording. Each possible lag is refined to a
 fraction of a sample. It is accepted if the longest segment on which q(t + L) and q(t) agree contains at least two
 whole repetitions and most of all motion. The difference between q(t + L) and q(t) is compared with the distance that
 a joint moves within a time L, so slow motions and random motions do not count as repeated.
@@ -28,72 +28,78 @@ RATE = 100.0
 """Rate at which positions are compared [Hz]; at 5 Hz, linear interpolation has an error of 1 % of the amplitude."""
 
 FEWEST_COMPARED = 6
-"""Fewest repetitions from whose differences an estimate computes intervals."""
+"""Smallest number of repetitions with which confidence intervals are computed from the differences between
+repetitions."""
 
 SHORTEST = 2.0
-"""Shortest period [s]. A faster motion also repeats with a multiple of its period; blocks that are shorter than
-the correlation time of residuals would not be independent."""
+"""Shortest period that is searched [s]. A faster motion also repeats with a multiple of its period; blocks that are
+shorter than the correlation time of residuals would not be independent."""
 
 LIKELY = 0.6
-"""Mean squared difference at a lag, divided by the mean squared difference of unrelated positions, below which the
-lag is examined. With two repetitions, the moves to the start pose and back contribute a third of it."""
+"""Mean squared difference of positions at a lag, divided by the mean squared difference of unrelated positions, below
+which the lag is examined further. With two repetitions, the moves to the start pose and back contribute a third of
+this value."""
 
 SAME = 0.02
-"""RMS difference of repetitions, without noise and divided by the standard deviation of the joint's positions, up
-to which motions are the same. The error of controllers is about 0.01."""
+"""Largest RMS difference between repetitions, without noise and divided by the standard deviation of the joint's
+positions, at which motions count as equal. The error of controllers is about 0.01."""
 
 ALIKE = 0.1
-"""Difference of repetitions at a single instant, divided by the standard deviation of the joint's positions, up to
-which motions are the same at this instant."""
+"""Largest difference between repetitions at a single instant, divided by the standard deviation of the joint's
+positions, at which motions count as equal at this instant."""
 
 AS_GOOD, GOOD = 2.0, 0.002
-"""Difference up to which a shorter lag is taken as the period: relative to the difference of the best lag, and
-absolute."""
+"""Largest RMS difference between repetitions at which a shorter lag is taken as the period: as a multiple of the
+difference at the best lag, and as an absolute value (whichever is larger). Differences are divided by the standard
+deviation of the positions."""
 
 CLOSE = 0.1
-"""Share of a period that may differ at each end of the repetitions, because the motion starts and stops there."""
+"""Largest share of a period by which the repetitions may differ at each end, because the motion starts and stops
+there."""
 
 FAR = 4.0
-"""Squared difference, divided by its median, above which an instant is ignored in the alignment of repetitions."""
+"""Squared difference between repetitions at an instant, divided by its median over time, above which the instant is
+ignored in the alignment of the repetitions."""
 
 MOST = 0.75
 """Smallest share of the recording, and of all motion in the recording, that whole repetitions must contain."""
 
 MOVES = 1e-3
-"""Standard deviation of positions from which a joint counts as moving [rad or m]; a joint that holds a pose has
-less."""
+"""Smallest standard deviation of positions with which a joint counts as moving [rad or m]; a joint that holds a pose
+has a smaller one."""
 
 CLEAR = 30.0
-"""Smallest ratio of the standard deviation of positions to their noise for a joint that moves."""
+"""Smallest ratio of the standard deviation of positions to their noise with which a joint counts as moving."""
 
 SNAP = 0.05
-"""Difference from a whole number of samples up to which a period is rounded to it [samples]."""
+"""Largest difference between a period and a whole number of samples at which the period is rounded to this number
+[samples]."""
 
 LACKS = 1.5
-"""Number of samples by which the last repetition may be too short: a log of K periods of m samples may end with
+"""Number of samples by which the last repetition may be too short. A log of K periods of m samples may end with
 sample K m - 1 or K m - 2."""
 
 OUTSIDE = 0.05
-"""Time before and after the repetitions above which this time is reported [s]."""
+"""Sum of the times before and after the repetitions above which a finding states these times [s]."""
 
 OFF = 0.02
-"""Largest relative difference between the stated period and a multiple of the found period, or the reverse, for which
-the stated period is right. Smaller differences are timing errors, which the doctor measures."""
+"""Largest relative difference between the stated period and a multiple of the detected period, or the reverse, at
+which the stated period counts as right. Smaller differences are timing errors, which the doctor measures."""
 
 ROUNDS = 4
-"""Number of corrections of a lag; each reduces its error to a tenth or less."""
+"""Number of corrections of a lag; each one reduces the error of the lag to a tenth or less."""
 
 
 @dataclass(frozen=True, slots=True)
 class Repetition:
-    """Repetitions of a motion.
+    """Repetitions that were detected in a motion.
 
     Attributes:
         period: Period [s].
-        start: Time of the first repetition on the recording's clock [s].
+        start: Start of the first repetition on the recording's clock [s].
         count: Number of whole repetitions.
-        apart: RMS difference between repetitions, divided by the standard deviation of the position within a
-            repetition; largest value of all joints.
+        apart: RMS difference between repetitions, divided by the standard deviation of the position within a time of
+            one period; largest value of all joints.
     """
 
     period: float
@@ -109,12 +115,12 @@ def period_of(
     source: str,
     findings: list[Finding],
 ) -> tuple[float | None, float | None]:
-    """Period and start [s] of the motion of a recording: as stated, after a check, or as found in the positions.
+    """Period and start [s] of the motion of a recording: stated values after a check, or values from the positions.
 
     Args:
         segments: Segments of the recording between its gaps.
-        stated: Stated period [s]; `find` if it is to be found, `None` if the motion does not repeat.
-        start: Stated time of the first period [s], if any.
+        stated: Stated period [s]; `find` if it must be detected; `None` if the motion does not repeat.
+        start: Stated start of the first period [s]; `None` if it is not stated.
         source: Path of the recording.
         findings: List to which a finding about the repetitions is added.
     """
@@ -128,7 +134,7 @@ def period_of(
 def find_period(
     segments: Sequence[Segment], source: str, findings: list[Finding]
 ) -> tuple[float | None, float | None]:
-    """Period and start [s] of the motion of a recording without gaps; `None` if the motion does not repeat.
+    """Detects period and start [s] of the motion of a recording without gaps; `None` if it does not repeat.
 
     Args:
         segments: Segments of the recording between its gaps.
@@ -170,7 +176,7 @@ def check_period(
     Args:
         segments: Segments of the recording between its gaps.
         period: The stated period [s].
-        start: Stated time of the first period [s], if any.
+        start: Stated start of the first period [s]; `None` if it is not stated.
         source: Path of the recording.
         findings: List to which the finding is added.
     """
@@ -199,13 +205,13 @@ def check_period(
 
 
 def _multiple(stated: float, found: float) -> bool:
-    """Tests whether one of two periods, the stated and the found one, is an integer multiple of the other."""
+    """Checks whether the stated period is an integer multiple of the detected one, or the reverse."""
     ratio = stated / found
     return any(abs(x - round(x)) <= OFF * x and round(x) >= 1 for x in (ratio, 1.0 / ratio))
 
 
 def repetition(time: Array, q: Array, rate: float) -> Repetition | None:
-    """Repetitions of a motion that was executed at least twice; `None` if it was executed only once.
+    """Detects the repetitions of a motion that was executed at least twice; `None` if there are none.
 
     Args:
         time: Times of the samples, which need not be uniform, shape (N,) [s].
@@ -233,7 +239,7 @@ def repetition(time: Array, q: Array, rate: float) -> Repetition | None:
 
 @dataclass(frozen=True, slots=True)
 class _Agreed:
-    """Lag of a repeated motion [samples], first sample and end of the repeated segment, and its RMS difference."""
+    """Repeated segment of a motion: lag [samples], first sample, end, and RMS difference between repetitions."""
 
     lag: float
     first: int
@@ -242,7 +248,10 @@ class _Agreed:
 
 
 def _likely(x: Array, shortest: int) -> list[tuple[int, Array]]:
-    """Lags at which signals (N, m) may repeat, each with the variance within the time of one lag, shape (m,)."""
+    """Lags [samples] at which signals (N, m) may repeat, at least `shortest`.
+
+    Each lag comes with the variance of the signals within a time of one lag, shape (m,).
+    """
     samples = len(x)
     size = 1 << (2 * samples - 1).bit_length()
     transformed = np.fft.rfft(x, size, axis=0)
@@ -263,7 +272,11 @@ def _likely(x: Array, shortest: int) -> list[tuple[int, Array]]:
 
 
 def _agreement(x: Array, near: int, within: Array, noise: Array) -> _Agreed | None:
-    """Lag near a given lag at which the signals agree best with themselves; `None` if too few samples agree."""
+    """Refines a possible lag to the lag at which the signals (N, m) agree best with themselves.
+
+    `within` is the variance within a time of one lag, `noise` the noise of the signals, shape (m,) each. The result
+    is `None` if too few samples agree.
+    """
     lag, off = float(near), np.zeros(0)
     for _ in range(ROUNDS):
         ahead, speed = _ahead(x, np.arange(int(len(x) - lag)), lag)
@@ -312,7 +325,7 @@ def _longest(good: NDArray[np.bool_], bridged: int) -> tuple[int, int]:
 
 
 def _whole(grid: Array, x: Array, agreed: _Agreed, length: float, rate: float) -> Repetition | None:
-    """Repetitions of a motion in seconds; the period is the mean time between successive repetitions."""
+    """Repetitions with period and start in seconds; the period is the mean time between successive repetitions."""
     step = float(grid[1] - grid[0])
     lag = agreed.lag
     count = int((agreed.last - agreed.first) / lag + 1.0 + CLOSE)
@@ -332,7 +345,7 @@ def _whole(grid: Array, x: Array, agreed: _Agreed, length: float, rate: float) -
 
 
 def _from_ends(x: Array, lag: float, first: int, count: int) -> float:
-    """Refines a lag by the delay between the first and the last repetition; lags are in samples."""
+    """Refines a lag [samples] by the delay between the first and the last repetition, divided by their distance."""
     for _ in range(ROUNDS):
         behind = (count - 1) * lag
         ahead, speed = _ahead(x, np.arange(first, min(first + int(lag), int(len(x) - behind))), behind)

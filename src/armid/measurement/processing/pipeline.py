@@ -39,7 +39,7 @@ from armid.model.motion import Motion
 from armid.remedy import Remedy, setting
 
 SHORTEST = 4
-"""Smallest number of samples of a run; one-sided differences at its ends need this number."""
+"""Smallest number of samples of a run, which one-sided differences at its ends need."""
 
 
 def process_recordings(
@@ -50,10 +50,10 @@ def process_recordings(
     starts: Sequence[float | None] | None = None,
     effort_limits: ArrayLike | None = None,
 ) -> tuple[Observations, tuple[Finding, ...]]:
-    """Observations of several recordings of one robot.
+    """Processes several recordings of one robot to observations.
 
     Args:
-        recordings: Recordings in robot order, SI units, joint side.
+        recordings: Recordings in the robot's joint order, SI units, joint side.
         processing: Options; defaults if not given. An automatic cut-off is determined once for all recordings.
         periods: Period of the motion of each recording [s], `None` if the motion does not repeat, or `find` to detect
             it. If no periods are given, they are detected from the positions, because confidence intervals are
@@ -88,7 +88,7 @@ def process_recordings(
 def differenced_noise(recording: Recording, processing: ProcessingOptions) -> Array:
     """Standard deviation of the noise of the positions, rounding included, shape (n,) [rad or m].
 
-    It is zero if accelerations are not differences of positions.
+    It is needed if velocities and accelerations are computed from positions by differences; otherwise it is zero.
     """
     recorded = processing.derivatives in (None, "velocity") and recording.dq is not None
     if recorded or _uses_given(recording, processing) or recording.consecutive is False or recording.time is None:
@@ -105,18 +105,18 @@ def process_recording(
     effort_limits: ArrayLike | None = None,
     index: int = 0,
 ) -> tuple[tuple[ObservedRun, ...], tuple[Finding, ...]]:
-    """Contiguous runs of one recording, with motion, rows and masks.
+    """Processes one recording to contiguous runs with motion, rows and masks.
 
     Args:
-        recording: Recording in robot order, SI units, joint side; its rows are consecutive unless it states
-            otherwise.
+        recording: Recording in the robot's joint order, SI units, joint side; its rows count as consecutive unless it
+            states otherwise.
         processing: Options.
         period: Period of the motion [s]; `find` to detect it from the positions; `None` if the motion does not
             repeat.
-        start: Time of the first repetition on the recording's clock [s]; if not given, the time of the first sample.
+        start: Start of the first repetition on the recording's clock [s]; if not given, the time of the first sample.
             Rows before this time and after the last whole repetition are not used.
         effort_limits: Effort limit of each joint, shape (n,) [N·m or N]; needed for `saturation`.
-        index: Number of the recording, which is stored in the runs.
+        index: Index of the recording, which is stored in the runs.
 
     Returns:
         The runs and the findings.
@@ -186,7 +186,7 @@ def _run_of_segment(
     given: bool,
     found: bool,
 ) -> ObservedRun | None:
-    """Run of a segment of which `margin` samples at each end are left out; `None` if no row is left."""
+    """Makes the run of a segment; `None` if no row remains without `margin` samples at each end."""
     if segment.samples < max(SHORTEST, 2 * margin + 1):
         return None
     return run_of(segment, differentiate(segment, processing, given=given), processing, repeats, index, found=found)
@@ -196,7 +196,7 @@ def _run_of_segment(
 
 
 def _uses_given(recording: Recording, processing: ProcessingOptions) -> bool:
-    """Tests whether recorded velocities and accelerations are used as they are."""
+    """Checks whether recorded velocities and accelerations are used as they are."""
     both = recording.dq is not None and recording.ddq is not None
     lacking = {"given": not both, "velocity": recording.dq is None}
     if lacking.get(str(processing.derivatives), False):
@@ -218,7 +218,7 @@ def _highest_cutoff(processing: ProcessingOptions) -> float | None:
 def _long_enough(
     segments: Sequence[Segment], processing: ProcessingOptions, source: str, findings: list[Finding]
 ) -> list[Segment]:
-    """Segments that are long enough for the filters; a finding is added about each segment that is too short."""
+    """Selects segments that are long enough for the filters; adds a finding about each of the others."""
     if processing.family == "none":
         return list(segments)
     lowest = min(float(processing.cutoff), processing.motion_cutoff or np.inf)
@@ -233,7 +233,11 @@ def _moving(
     recording: Recording,
     findings: list[Finding],
 ) -> tuple[ObservedRun, ...]:
-    """Masks rows at standstill in the runs, unless the option `standstill` is `keep`; findings are added."""
+    """Masks rows at standstill, unless the option `standstill` is `keep`, and adds findings about them.
+
+    `still` contains, for each run, the masks of the samples at which joints stick and at which all joints rest, (N,
+    n).
+    """
     if processing.standstill == "keep":
         return tuple(runs)
     kept, share = moving(runs, [sticks | rests for sticks, rests in still], processing)
@@ -245,7 +249,7 @@ def _moving(
 def _separate(
     recording: Recording, processing: ProcessingOptions, given: bool, index: int, findings: list[Finding]
 ) -> ObservedRun:
-    """Run of a recording whose rows are not consecutive: all rows, neither filtered nor differentiated."""
+    """Run of a recording whose rows are not consecutive: all rows, without filter and differentiation."""
     whole, _ = gather(recording, clock=False)
     if not given or whole.dq is None or whole.ddq is None:
         raise RecordingError(
@@ -276,7 +280,7 @@ def _on_a_grid(
     source: str,
     findings: list[Finding],
 ) -> list[Segment]:
-    """Resamples segments on uniform grids if something is filtered or differentiated."""
+    """Resamples segments on uniform time grids, if anything is filtered or differentiated."""
     if processing.edges == "periodic" or processing.family != "none" or not given:
         return [_even(segment, processing, period, source, findings) for segment in segments]
     findings.extend(
@@ -288,7 +292,7 @@ def _on_a_grid(
 def _even(
     segment: Segment, processing: ProcessingOptions, period: float | None, source: str, findings: list[Finding]
 ) -> Segment:
-    """Segment on a uniform grid; if the motion is periodic, with a whole number of samples per period."""
+    """Resamples a segment on a uniform grid; for periodic edges, with a whole number of samples per period."""
     span = None
     if processing.edges == "periodic":
         span = period if period is not None else segment.samples / segment.rate
@@ -346,7 +350,7 @@ def _circles(
     source: str,
     findings: list[Finding],
 ) -> list[Segment]:
-    """Cuts each segment to whole repetitions, or replaces all repetitions by their mean."""
+    """Cuts each segment to whole repetitions or, with the option `average`, replaces repetitions by their mean."""
     name = source or "The recording"
     if period is None or start is None:
         if len(segments) > 1:

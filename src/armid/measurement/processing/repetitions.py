@@ -13,31 +13,32 @@ from armid.measurement.processing.uniform_runs import Segment
 from armid.remedy import Remedy, setting
 
 SHORT = 1.0
-"""Number of samples by which the last repetition may be too short: a log of K periods of m samples often ends with
+"""Number of samples by which the last repetition may be too short. A log of K periods of m samples often ends with
 sample K m - 1."""
 
 PASSES = 4
-"""Number of times that all repetitions are aligned with the reference. If the delay of a window is large, the window
-contains a part of the next repetition; each repetition of the alignment reduces the error that this causes."""
+"""Number of iterations in the alignment of a repetition with the reference. If the delay of a repetition is large,
+its samples contain a part of the next repetition; each iteration reduces the error that this causes."""
 
 NEGLIGIBLE = 0.1
-"""Displacement of the joints during a delay of a fraction of a sample, divided by the noise, below which the delay is
-not corrected."""
+"""Displacement of the joints during a delay of a fraction of a sample, divided by the noise of the positions, up to
+which the delay is not corrected."""
 
 LATE = 0.05
-"""Delay as a share of the period above which the period or its start must be wrong."""
+"""Ratio of a delay to the period above which the period or its start must be wrong."""
 
 JUMP = 2.0
-"""Largest step of a position between two periods, divided by the largest step inside a period."""
+"""Largest allowed step of a position from the end of a run to its beginning, divided by the largest step inside the
+run."""
 
 
 def windows(segment: Segment, period: float, start: float) -> list[int]:
-    """Index of the first sample of each whole repetition in a segment.
+    """Indices of the first samples of all whole repetitions in a segment.
 
     Args:
         segment: Segment at a uniform rate, with a whole number of samples per period.
         period: Period of the motion [s].
-        start: Time of the first repetition on the recording's clock [s].
+        start: Start of the first repetition on the recording's clock [s].
     """
     samples = round(period * segment.rate)
     room = segment.samples - samples
@@ -53,13 +54,13 @@ def windows(segment: Segment, period: float, start: float) -> list[int]:
 
 
 def whole_periods(segment: Segment, begins: Sequence[int], samples: int) -> Segment:
-    """Part of a segment from its first to its last whole repetition, a multiple of `samples` long."""
+    """Part of a segment from the first to the last whole repetition; its length is a multiple of `samples`."""
     count = min(len(begins), (segment.samples - begins[0]) // samples)
     return segment.cut(begins[0], begins[0] + count * samples)
 
 
 def average(found: Sequence[tuple[Segment, int]], period: float, source: str) -> tuple[Segment, list[Finding]]:
-    """Mean of the repetitions, each shifted to the time of the first one.
+    """Mean of the repetitions, each shifted to the time of the first one, and findings about their delays.
 
     The whole samples of a shift are applied by indices of the recording, the remaining fraction in the frequency
     domain.
@@ -92,7 +93,7 @@ def average(found: Sequence[tuple[Segment, int]], period: float, source: str) ->
 
 
 def _aligned(reference: Array, segment: Segment, begin: int) -> tuple[int, float]:
-    """First sample of the repetition when it is aligned with the reference, and the remaining delay in samples."""
+    """Aligns a repetition with the reference: index of its first sample, and remaining delay in samples."""
     room = segment.samples - len(reference)
     first, rest = begin, 0.0
     for _ in range(PASSES):
@@ -109,7 +110,7 @@ def _signals(segment: Segment) -> list[Array]:
 
 
 def _delay_findings(delays: Array, samples: int, rate: float, source: str) -> list[Finding]:
-    """Findings about a wrong or inaccurate period, from the delays of the repetitions in samples."""
+    """Findings about a wrong or inaccurate period, from the delays of the repetitions [samples]."""
     worst = int(np.argmax(np.abs(delays)))
     late = float(delays[worst])
     if abs(late) < 0.5:
@@ -130,10 +131,10 @@ def _delay_findings(delays: Array, samples: int, rate: float, source: str) -> li
 
 
 def check_closed(segment: Segment, source: str) -> None:
-    """Raises an error if the last sample of a run does not agree with the first, so that it is not periodic.
+    """Raises an error if a run is not periodic, because its last sample does not continue to its first one.
 
     Raises:
-        RecordingError: Some joint jumps from the last sample to the first.
+        RecordingError: A joint jumps from the last sample to the first.
     """
     jump = np.abs(segment.q[0] - segment.q[-1])
     largest = np.abs(np.diff(segment.q, axis=0)).max(axis=0)

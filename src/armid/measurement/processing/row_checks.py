@@ -17,33 +17,34 @@ from armid.measurement.remedy_builders import excluding, lines, naming
 from armid.remedy import Assignment, Remedy, setting
 
 MIN_SAMPLES = 10
-"""Smallest number of samples; fewer are not enough for derivatives at both ends and for residuals."""
+"""Smallest number of samples of a recording; fewer are not enough for derivatives at both ends and for residuals."""
 
 MOST_HOLES, LARGEST_HOLES = 8, 0.2
-"""Largest number of segments with non-finite values, and largest share of the rows of a recording in them, for which
-the remedy is to exclude these segments. If there are more, the channel is faulty."""
+"""Largest number of segments with non-finite values, and largest share of the rows of a recording that lie in them,
+for which the remedy is to exclude these segments. If there are more, the channel is faulty."""
 
 REPEATED_RUN = 5
-"""Largest number of successive rows, equal to the row before, that count as repeated by the recorder and are
-dropped. More of them are a pause, whose rows stay on the grid and are masked."""
+"""Largest number of successive rows equal to the row before that are dropped, because the recorder has repeated them.
+A longer series of equal rows is a pause, whose rows stay on the grid and are masked."""
 
 REACH = (20, 200)
 """Smallest and largest number of rows, before and after equal rows, that are used to estimate the rate of change."""
 
 CHANCE, LEAST_STEPS = 1e-3, 3.0
-"""Probability below which rows are not equal by chance, and smallest change of all channels together after equal
-rows. The change is counted in steps of the resolution; the channels of an arm at rest change by one or two steps."""
+"""Probability of equal rows below which they are not equal by chance, and smallest change of all channels together
+after these rows. The change is counted in steps of the resolution; the channels of an arm at rest change by one or
+two steps."""
 
 SAME_STEP = 0.25
-"""Largest difference between the step of q and velocity times time step, relative to the latter, at which both agree.
-Filtered velocities are late, and encoders round positions."""
+"""Largest difference between the step of q and the product of velocity and time step, relative to this product, at
+which both count as equal. Filtered velocities are late, and encoders round positions."""
 
 COHERENT = 0.8
-"""Smallest share of the rows in motion whose step of q must agree with the velocity, so that rows count as
+"""Smallest share of the rows in motion whose step of q agrees with the velocity, with which rows count as
 consecutive. In a log with jitter this share is 0.9, in separate samples about 0.1."""
 
 MOVING = 0.05
-"""Speed, as a share of the largest speed, above which a row is used to estimate the rate."""
+"""Ratio of the speed in a row to the largest speed, above which the row is used to estimate the sample rate."""
 
 SMOOTH = 0.5
 """Ratio of the RMS step from row to row to the standard deviation of positions below which rows are consecutive. The
@@ -54,8 +55,8 @@ def clean(recording: Recording, log_format: LogFormat) -> tuple[Recording, tuple
     """Checks the clock, drops or masks rows that are not measurements, and determines whether rows are consecutive.
 
     Args:
-        recording: Recording as measured.
-        log_format: Log format with which it was read.
+        recording: Recording as it was read from the file.
+        log_format: Log format with which the recording was read.
 
     Returns:
         The recording and the findings. The recording has `time` or `rate`, a known value of `consecutive`, and a
@@ -95,7 +96,7 @@ def _excluded(recording: Recording, log_format: LogFormat) -> NDArray[np.bool_]:
 
 
 def _check_exclude(recording: Recording, log_format: LogFormat) -> None:
-    """Raises an error for intervals outside the time of the recording; they probably refer to another clock."""
+    """Raises an error for excluded intervals outside the time of the recording, which refer to another clock."""
     if recording.time is None:
         return
     for t0, t1 in log_format.exclude:
@@ -109,7 +110,7 @@ def _check_exclude(recording: Recording, log_format: LogFormat) -> None:
 
 
 def _without_excluded_nan(recording: Recording, log_format: LogFormat) -> Recording:
-    """Drops excluded rows with NaN if the recording has a clock, in which the dropped rows are then a gap."""
+    """Drops excluded rows with NaN if the recording has a clock; the dropped rows then appear as a gap."""
     _check_exclude(recording, log_format)
     broken = ~np.isfinite(_everything(recording)).all(axis=1)
     if recording.time is None or not log_format.exclude or not broken.any():
@@ -118,7 +119,7 @@ def _without_excluded_nan(recording: Recording, log_format: LogFormat) -> Record
 
 
 def _masked(recording: Recording, log_format: LogFormat) -> Recording:
-    """Recording with the excluded rows masked."""
+    """Masks the rows inside the excluded intervals."""
     if not log_format.exclude:
         return recording
     inside = _excluded(recording, log_format)
@@ -132,13 +133,13 @@ def _masked(recording: Recording, log_format: LogFormat) -> Recording:
 
 
 def _everything(recording: Recording) -> Array:
-    """All measured channels in one matrix, shape (N, any)."""
+    """All measured channels in one matrix, shape (N, number of channels)."""
     measured = (recording.q, recording.dq, recording.ddq, recording.effort)
     return np.hstack([values for values in measured if values is not None])
 
 
 def _refuse_nan(recording: Recording, log_format: LogFormat) -> None:
-    """Raises an error if a value is not finite; its remedy gives the intervals to exclude."""
+    """Raises an error if a value is not finite; the remedy of the error gives the intervals to exclude."""
     for name in ("time", "q", "dq", "ddq", "effort"):
         values = getattr(recording, name)
         if values is None or np.isfinite(values).all():
@@ -189,7 +190,7 @@ def _refuse_few(recording: Recording) -> None:
 
 
 def _without_repeats(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
-    """Drops or masks rows that repeat the row before because the recorder is faster than the robot's bus."""
+    """Drops or masks rows that repeat the row before, because the recorder is faster than the bus of the robot."""
     if recording.effort is None:
         return recording, ()
     values = _everything(recording)
@@ -218,7 +219,7 @@ def _without_repeats(recording: Recording) -> tuple[Recording, tuple[Finding, ..
 
 
 def _should_differ(values: Array, runs: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Tests whether equal rows repeat one sample, from the changes of the channels before and after these rows.
+    """Decides for runs of equal rows whether the recorder has repeated one sample, from the channels around them.
 
     Rows may also be equal because the arm rests and the resolution of the channels is coarse. If a channel changes by
     r of its smallest steps per row before and after the equal rows, the probability that it keeps its value from one
@@ -229,7 +230,7 @@ def _should_differ(values: Array, runs: NDArray[np.intp]) -> NDArray[np.bool_]:
         runs: Index of the first equal row, and index after the last, for K runs of equal rows, shape (K, 2).
 
     Returns:
-        True if the equal rows are repeats, shape (K,).
+        Mask of the runs that are repetitions of one sample, shape (K,).
     """
     steps = np.abs(np.diff(values, axis=0))
     moving = steps.any(axis=0)
@@ -250,7 +251,7 @@ def _should_differ(values: Array, runs: NDArray[np.intp]) -> NDArray[np.bool_]:
 
 
 def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tuple[Finding, ...]]:
-    """Determines whether rows are consecutive, from the clock if there is one, otherwise from q and dq.
+    """Determines whether rows are consecutive in time: from the clock or, without a clock, from q and dq.
 
     Args:
         recording: Recording whose rows were checked.
@@ -292,7 +293,7 @@ def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tup
 
 
 def _clockless(recording: Recording, implied: float) -> RecordingError:
-    """Error for a missing clock, with a column that may be the clock, or the rate [Hz] that q and dq imply."""
+    """Error for a missing clock; its message proposes a column as the clock, or the rate that q and dq imply [Hz]."""
     told = {each.code: each for each in recording.findings}
     possible, effort = told.get("clock-possible"), told.get("effort-possible")
     evidence = "the recording has neither a time column nor a sample rate"
@@ -318,7 +319,7 @@ def _clockless(recording: Recording, implied: float) -> RecordingError:
 
 
 def _both(clock: Remedy, effort: Remedy) -> Remedy:
-    """Joins the remedies for a missing clock and for missing effort; returns the first if one has no settings."""
+    """Joins the remedies for a missing clock and for missing effort; if one has no settings, returns the first."""
     if not clock.keys or not effort.keys:
         return clock
     keys = dict(clock.keys)
@@ -328,7 +329,7 @@ def _both(clock: Remedy, effort: Remedy) -> Remedy:
 
 
 def _coherence(recording: Recording, turn: Array) -> tuple[float, float]:
-    """Share of the rows in motion whose step in q agrees with the velocity, and the sample rate [Hz] that follows.
+    """Share of the rows in motion whose step of q agrees with dq, and the sample rate that q and dq imply [Hz].
 
     Without velocities, the share is 1 if the steps are small compared with the standard deviation of the positions,
     otherwise 0; the rate is NaN.
@@ -352,7 +353,7 @@ def _coherence(recording: Recording, turn: Array) -> tuple[float, float]:
 
 
 def _needing_derivatives(recording: Recording) -> Recording:
-    """Checks that separate samples have velocity and acceleration, and returns the recording."""
+    """Raises an error if rows are not consecutive and lack velocity or acceleration; else returns the recording."""
     lacking = [name for name in ("dq", "ddq") if getattr(recording, name) is None]
     if not recording.consecutive and lacking:
         raise recording_error(

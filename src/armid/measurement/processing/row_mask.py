@@ -17,28 +17,28 @@ from armid.measurement.processing.uniform_runs import Segment
 from armid.model.motion import Motion
 
 TRIM = 0.5
-"""Default time that is left out at each end of a run if edges are dropped [s]."""
+"""Default time that is left out at each end of a run if the option `edges` is `drop` [s]."""
 
 LOBE_HALF_WIDTH = 0.5
-"""Half-width of the main lobe of a low-pass kernel, in periods of its cut-off. A bad sample affects the rows
-within this distance. A longer segment of bad samples, such as a contact, affects more distant rows: as many as the
-end of a run affects."""
+"""Half-width of the main lobe of the impulse response of a low-pass filter, in periods of its cut-off. A bad sample
+affects the rows within this distance. A longer segment of bad samples, such as a contact, affects more distant rows:
+as many as the end of a run affects."""
 
 STICKING = 3e-3
-"""Largest share of the sum of a filter's absolute impulse response that may fall on samples at standstill, for a row
-that is used. Friction errors at standstill are a hundred times the noise in the band; with one percent, as at the
-ends of runs, intervals covered 93 % instead of 95 %."""
+"""Largest share of a filter's absolute impulse response that may fall on samples at standstill, for a row that is
+used. Friction errors at standstill are a hundred times the noise in the band; with one percent, as at the ends of
+runs, intervals covered 93 % instead of 95 %."""
 
 MOST_STILL = 0.75
-"""Largest share of a joint's rows that are left out because of standstill. With a usual recording, the other rows
-still determine the friction of the joint and the gravity torques."""
+"""Largest share of a joint's rows that may be left out because of standstill; if the share is larger, the rows are
+used. With a usual recording, the other rows still determine the friction of the joint and the gravity torques."""
 
 BLOCK_SECONDS = 1.0
-"""Length of a block if the motion does not repeat [s]; it is longer than the correlation time of residuals in a
-band of a few hertz."""
+"""Approximate length of a block if the motion does not repeat [s]; it is longer than the correlation time of
+residuals in a band of a few hertz."""
 
 BLOCK_ROWS = 25
-"""Number of rows of a block if rows are not consecutive: the rows of one second at the usual rate."""
+"""Number of rows in a block if rows are not consecutive: the number of rows in one second at the usual rate."""
 
 Rows = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -59,10 +59,10 @@ def run_of(
         segment: Samples of the segment.
         motion: Motion at the samples of the segment.
         processing: Options whose cut-off is a frequency, not `auto`.
-        repeats: Period and start of the first repetition [s], if the motion repeats.
+        repeats: Period and start of the first repetition [s]; `None` if the motion does not repeat.
         recording: Index of the recording.
-        found: True if the repetitions were detected and not stated. Blocks are then about one second long, because
-            methods that leave out blocks need more blocks than there are repetitions.
+        found: True if the repetitions were detected, false if they were stated. If true, blocks are about one second
+            long, because methods that leave out blocks need more blocks than there are repetitions.
     """
     samples, rate = segment.samples, segment.rate
     periodic = processing.edges == "periodic"
@@ -87,7 +87,7 @@ def run_of(
 
 
 def separate_rows(segment: Segment, motion: Motion, processing: ProcessingOptions, recording: int = 0) -> ObservedRun:
-    """Run of samples that are not consecutive: every sample is a row; rows with bad or slow samples are masked."""
+    """Makes the run of samples that are not consecutive: every sample is a row; bad or slow samples are masked."""
     mask = ~segment.bad & (np.abs(motion.dq) >= processing.slow)
     block = np.arange(segment.samples) // BLOCK_ROWS
     return ObservedRun(motion, segment.effort, segment.rate, 1, 0, mask, block, False, recording)
@@ -96,16 +96,16 @@ def separate_rows(segment: Segment, motion: Motion, processing: ProcessingOption
 def moving(
     runs: Sequence[ObservedRun], still: Sequence[Flags], processing: ProcessingOptions
 ) -> tuple[list[ObservedRun], Array]:
-    """Masks the rows at standstill of each joint in the runs of one recording, if enough other rows remain.
+    """Masks, for each joint, the rows at standstill in the runs of one recording, if enough other rows remain.
 
     Args:
         runs: The runs.
-        still: Mask of the samples at standstill of each run, shape (N, n).
+        still: For each run, mask of the samples at standstill, shape (N, n).
         processing: Options with which the runs were made.
 
     Returns:
         The runs, and the share of the rows of each joint that standstill affects, shape (n,). If the share of a joint
-        is larger than `MOST_STILL`, its rows are kept, unless `standstill` is `moving`.
+        is larger than `MOST_STILL`, its rows are not masked, unless the option `standstill` is `moving`.
     """
     near = [_at_standstill(flags, run, processing) for run, flags in zip(runs, still, strict=True)]
     had = np.sum([run.mask.sum(axis=0) for run in runs], axis=0)
@@ -116,9 +116,9 @@ def moving(
 
 
 def edge_margin(processing: ProcessingOptions, rate: float) -> int:
-    """Number of samples that are left out at each end of a run: those of `trim`, or those that the end affects.
+    """Number of samples left out at each end of a run: those of `trim` or those that the end affects, if more.
 
-    Samples that the end affects through a filter are left out only if `edges` is `drop`.
+    Samples that the end affects through a filter are left out only if the option `edges` is `drop`.
     """
     drop = processing.edges == "drop"
     seconds = (TRIM if drop else 0.0) if processing.trim is None else processing.trim
@@ -126,7 +126,7 @@ def edge_margin(processing: ProcessingOptions, rate: float) -> int:
 
 
 def _step(processing: ProcessingOptions, rate: float, circle: int | None) -> int:
-    """Number of samples from row to row; for a periodic run, a divisor of the number of samples in a period."""
+    """Number of samples from row to row; for a periodic run of `circle` samples, a divisor of `circle`."""
     if processing.family == "none" or processing.decimate == 0:
         return 1
     step = max(1, round(rate / processing.decimate))
@@ -138,7 +138,7 @@ def _step(processing: ProcessingOptions, rate: float, circle: int | None) -> int
 def _spoiled(
     bad: Flags, rows: Rows, processing: ProcessingOptions, rate: float, step: int, *, periodic: bool
 ) -> Flags:
-    """Mask (M, n) of rows affected by bad samples, directly or through the filters."""
+    """Mask (M, n) of the rows that bad samples (N, n) affect, directly or through the filters."""
     filters = _filters(processing, rate)
     half = -(-step // 2)
     if not filters:
@@ -150,13 +150,13 @@ def _spoiled(
 
 
 def _at_standstill(still: Flags, run: ObservedRun, processing: ProcessingOptions) -> Flags:
-    """Mask (M, n) of rows affected by samples at standstill (N, n), directly or through the filters."""
+    """Mask (M, n) of the rows that samples at standstill (N, n) affect, directly or through the filters."""
     reach = max([-(-run.step // 2), *(edge_samples(low, STICKING) for low in _filters(processing, run.rate))])
     return _any_within(still, run.rows, reach, periodic=processing.edges == "periodic")
 
 
 def _long(flags: Flags, length: int) -> Flags:
-    """Flags (N, n) that are true only in segments of true flags with at least `length` samples, joint by joint."""
+    """Removes from flags (N, n), joint by joint, all segments of true flags with fewer than `length` samples."""
     result = np.zeros_like(flags)
     for j in np.flatnonzero(flags.any(axis=0)):
         borders = np.flatnonzero(np.diff(np.concatenate([[False], flags[:, j], [False]])))
@@ -174,7 +174,7 @@ def _filters(processing: ProcessingOptions, rate: float) -> list[Array]:
 
 
 def _any_within(flags: Flags, rows: Rows, reach: int, *, periodic: bool) -> Flags:
-    """Mask (M, n) of rows with a flagged sample at most `reach` samples away; periodic runs wrap around."""
+    """Mask (M, n) of the rows that have a flagged sample at most `reach` samples away; periodic runs wrap around."""
     if not flags.any():
         return np.zeros((len(rows), flags.shape[1]), dtype=np.bool_)
     if periodic:
@@ -187,7 +187,7 @@ def _any_within(flags: Flags, rows: Rows, reach: int, *, periodic: bool) -> Flag
 
 
 def _repetitions(segment: Segment, rows: Rows, repeats: tuple[float, float]) -> tuple[Rows, Flags]:
-    """Repetition of each row, and mask of the rows that lie in a whole repetition inside the segment."""
+    """Index of the repetition of each row, and mask of the rows in whole repetitions of the segment, (M,) each."""
     period, start = repeats
     tick = 0.5 / segment.rate  # half a sample: rows on the border belong to what follows
     which = np.floor((segment.time[rows] - start + tick) / period).astype(np.int64)
@@ -196,7 +196,7 @@ def _repetitions(segment: Segment, rows: Rows, repeats: tuple[float, float]) -> 
 
 
 def _parts(time: Array, repetition: Rows, repeats: tuple[float, float]) -> Rows:
-    """Number of the part of a repetition, about one second long, in which each row lies, shape (M,)."""
+    """Consecutive numbers of the parts of repetitions, about one second long, in which the rows lie, shape (M,)."""
     period, start = repeats
     count = max(1, round(period / BLOCK_SECONDS))
     inside = np.clip((time - start) / period - repetition, 0.0, 1.0 - 1e-9)
@@ -210,5 +210,5 @@ def _blocks(rows: Rows, rate: float, samples: int) -> Rows:
 
 
 def _gapless(labels: Rows) -> Rows:
-    """Labels numbered anew from 0 without gaps, in the same order."""
+    """Renumbers labels (M,) from 0 without gaps, in the same order."""
     return np.unique(labels, return_inverse=True)[1].astype(np.int64)

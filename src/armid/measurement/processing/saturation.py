@@ -18,25 +18,25 @@ from armid.errors import Finding, RecordingError
 from armid.measurement.recording import Recording
 
 FEWEST, SHARE = 10, 0.002
-"""Smallest number of samples at the same extreme value that form a plateau, and their smallest share of all
+"""Smallest number of samples with the same extreme value that form a plateau, and their smallest share of all
 samples."""
 
 DENSER = 5.0
-"""Smallest ratio of the number of samples at the extreme value to that at similar values. Coarse converters repeat
-all values, not only the extreme one."""
+"""Smallest ratio of the number of samples at the extreme value to the mean number at values next to it, for a
+plateau. Coarse converters repeat all values, not only the extreme one."""
 
 NEIGHBOURS = 12
-"""Number of similar values with whose frequency that of the extreme value is compared."""
+"""Number of values next to the extreme value with which its frequency is compared."""
 
 ROUNDING = 1e-9
-"""Relative difference below which two values count as equal."""
+"""Relative difference up to which two values count as equal."""
 
 NOT_USED = "Rows near these samples are not used for this joint."
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Plateau:
-    """Plateau of the torque of a joint: many samples have the same extreme value.
+    """Plateau in the torque of a joint: many samples have the same extreme value.
 
     Attributes:
         joint: Index of the joint.
@@ -74,7 +74,7 @@ def plateaus(effort: Array, counted: NDArray[np.bool_]) -> tuple[Plateau, ...]:
 
 
 def without_plateaus(recording: Recording) -> Recording:
-    """Recording in which the samples at a plateau are masked."""
+    """Masks the samples of a recording at which the torque is at a plateau."""
     return recording if recording.effort is None else _without(recording, plateaus(recording.effort, recording.valid))
 
 
@@ -84,13 +84,13 @@ def without_saturated(
     limits: ArrayLike | None,
     findings: list[Finding],
 ) -> Recording:
-    """Recording in which the samples at a plateau or near an effort limit are masked; findings are added.
+    """Masks the samples of a recording with torque at a plateau or near an effort limit, and adds findings.
 
     Args:
-        recording: In robot order, SI units, joint side.
-        saturation: Share of the effort limit from which samples are left out; `keep` leaves out none; `None` leaves
-            out only plateaus.
-        limits: Effort limit of each joint, shape (n,) [N·m or N]; needed for a share.
+        recording: Recording in the robot's joint order, SI units, joint side.
+        saturation: Share of the effort limit at and above which samples are left out; `keep` leaves out none; `None`
+            leaves out only plateaus.
+        limits: Effort limit of each joint, shape (n,) [N·m or N]; needed if `saturation` is a number.
         findings: List to which findings about saturated samples are added.
 
     Raises:
@@ -117,7 +117,7 @@ def without_saturated(
 
 
 def _without(recording: Recording, flat: tuple[Plateau, ...]) -> Recording:
-    """Recording in which the samples of plateaus are masked."""
+    """Masks the samples of plateaus in a recording."""
     if not flat:
         return recording
     valid = recording.valid.copy()
@@ -129,7 +129,7 @@ def _without(recording: Recording, flat: tuple[Plateau, ...]) -> Recording:
 def _below_limits(
     recording: Recording, effort: Array, share: float, limits: ArrayLike | None, findings: list[Finding]
 ) -> Recording:
-    """Recording in which the samples near an effort limit are masked."""
+    """Masks the samples of a recording at which the effort reaches a share of its limit, and adds findings."""
     if limits is None:
         raise RecordingError(
             "The key `saturation` needs the effort limits of the joints, but they are not known.",
@@ -152,9 +152,9 @@ def _below_limits(
 
 
 def _plateau(tau: Array) -> tuple[int, float]:
-    """Number of samples at the largest value of a torque (N,), and this value.
+    """Number of samples at the largest value of a torque (N,), and the absolute value of this torque.
 
-    The number is 0 if an ordinary peak can have as many samples at its largest value.
+    The number is 0 if these samples are not a plateau, because an ordinary peak can have as many.
     """
     top = float(tau.max())
     same = ROUNDING * max(abs(top), float(np.ptp(tau)))

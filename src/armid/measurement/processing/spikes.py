@@ -1,11 +1,11 @@
-"""Spikes: isolated samples of positions, velocities and torques that no arm can have.
+"""Spikes: isolated samples of positions, velocities and torques that no arm can produce.
 
-A dropped packet that is logged as zeros, or a bit error on a bus, is one sample or a few of them. A filter spreads
-such a sample over the rows around it, so spikes are found and interpolated before anything is filtered, and the
-samples are not used. A position is a spike if it jumps away and back at a speed of several times the velocity limit.
-A velocity or a torque is a spike if it is isolated: one sample, or a few samples, far beyond the samples on both
-sides. A velocity is no spike if the differences of the positions agree with it. In logs with a low sample rate,
-velocities and torques are not examined, because a real motion can be as short as a spike.
+A dropped packet that is logged as zeros, or a bit error on a bus, affects one sample or a few samples. A filter
+spreads such a sample over the rows around it. Therefore spikes are detected and interpolated before anything is
+filtered, and the samples are not used. A position is a spike if it jumps away and back at a speed of several times
+the velocity limit. A velocity or a torque is a spike if it is isolated: one sample, or a few samples, far from the
+samples on both sides. A velocity is not a spike if the differences of the positions agree with it. In logs with a low
+sample rate, velocities and torques are not examined, because a real motion can be as short as a spike.
 """
 
 from __future__ import annotations
@@ -25,48 +25,49 @@ from armid.remedy import Remedy, setting
 from armid.robot.robot import Robot
 
 FASTER = 3.0
-"""Smallest speed of a spike, divided by the velocity limit of the joint."""
+"""Smallest speed of the jump of a position that counts as a spike, divided by the velocity limit of the joint."""
 
 PLAUSIBLE_ANGULAR, PLAUSIBLE_LINEAR = 10.0, 3.0
-"""Largest plausible speed of a joint, for descriptions without a velocity limit or with a placeholder [rad/s and
-m/s]."""
+"""Largest plausible speeds of a revolute joint [rad/s] and of a prismatic joint [m/s], for descriptions without a
+velocity limit or with a placeholder."""
 
 STEPS, QUANTILE = 10.0, 0.9
-"""Smallest height of a spike of a position, divided by the given quantile of the steps from sample to sample. This
-second condition is needed for descriptions whose velocity limits are too small. In recordings of real arms the
-largest ratio is 0.33."""
+"""Smallest height of a spike of a position, divided by a quantile of the absolute steps from sample to sample, and
+the probability of this quantile. This second condition is needed for descriptions whose velocity limits are too
+small. In recordings of real arms the largest ratio is 0.33."""
 
 LONGEST = 10
-"""Largest number of samples of a spike of a position; longer jumps are reported as stuck channels."""
+"""Largest number of samples in a spike of a position; longer jumps are reported as stuck channels."""
 
 WRAP_TOLERANCE = 0.08
-"""Largest difference between a jump and whole turns at which the jump is a wrap of the angle [turns]; it is half a
-radian. If the typical step from sample to sample is larger, the log contains angles of motors, which do not wrap."""
+"""Largest difference between a jump and a whole number of turns at which the jump counts as a wrap of the angle
+[turns]; it is half a radian. If the typical step from sample to sample is larger, the log contains angles of motors,
+which do not wrap."""
 
 SLOWEST = 0.011
 """Largest time from sample to sample at which velocities and torques are examined [s]: 100 Hz with some tolerance. At
-lower rates three samples are longer than 30 ms, in which an arm can move or friction reverse."""
+lower rates three samples are longer than 30 ms, a time in which an arm can move or friction reverse."""
 
 CONFIRMED = 0.7
-"""Largest difference between a logged velocity and the velocity from the positions over two steps, divided by the
-height of the isolated velocity, at which the positions confirm the logged velocity. For a real motion of a single
-sample the difference is half of the height; for a spike it is the whole height."""
+"""Largest difference between a logged velocity and the velocity computed from the positions over two steps, divided
+by the height of the isolated velocity, at which the positions confirm the logged velocity. For a real motion of a
+single sample the difference is half of the height; for a spike it is the whole height."""
 
 BROKEN = 0.005
-"""Share of samples from which spikes are an error. They then have a permanent cause, and many other spikes are too
-small to be found."""
+"""Share of samples with spikes at and above which the finding is an error. Such spikes have a permanent cause, and
+many others are too small to be detected."""
 
 FEWEST_ZEROS = 3
-"""Smallest number of channels that are zero in the same row for which the zeros are a fault and not chance."""
+"""Smallest number of channels of a quantity with which a row of zeros counts as a fault and not as chance."""
 
 LISTED = 3
-"""Number of spikes whose times are listed."""
+"""Largest number of spikes whose times are listed in a finding."""
 
 TINY = 1e-300
-"""Smallest range of a channel in a division, so that the divisor is not zero."""
+"""Smallest divisor in place of the range of a channel, so that the divisor is not zero."""
 
 NAMES = {"q": "position", "dq": "velocity", "effort": "torque"}
-"""Quantities that are examined for spikes, with their names in messages."""
+"""Quantities that are examined for spikes, and their names in messages."""
 
 Flags = NDArray[np.bool_]
 
@@ -76,7 +77,7 @@ class Channels:
     """Units and speed limits of the channels of a log.
 
     Attributes:
-        speed: Largest speed of each channel, shape (n,) [units of the log per second].
+        speed: Largest plausible speed of each channel, shape (n,) [units of the log per second].
         turn: Full turn of each channel, shape (n,) [units of the log]; infinite for prismatic joints.
         units: Units of the positions.
         effort_units: Units of the efforts.
@@ -88,7 +89,7 @@ class Channels:
     effort_units: tuple[str, ...]
 
     def unit(self, quantity: str, joint: int) -> str:
-        """Unit of a quantity of a joint, as logged."""
+        """Unit of a quantity (`q`, `dq` or `effort`) of a joint, as logged."""
         if quantity == "effort":
             return self.effort_units[joint]
         return self.units[joint] + ("/s" if quantity == "dq" else "")
@@ -100,11 +101,10 @@ def without_spikes(
     """Interpolates and masks the spikes of a recording, and reports them in findings.
 
     If a position or a velocity is a spike, the sample is masked for all joints, because the torques of all joints
-    depend on the motion of each joint. If a torque is a spike, the sample is masked only for the joint of this
-    torque.
+    depend on the motion of each joint. If only a torque is a spike, the sample is masked only for its joint.
 
     Args:
-        recording: Recording in robot order and in the units of the log, with finite values.
+        recording: Recording in the robot's joint order and in the units of the log, with finite values.
         log_format: Log format of the recording.
         robot: The arm that was recorded.
     """
@@ -136,13 +136,14 @@ def without_spikes(
 
 
 def impossible_positions(q: Array, time: Array, speed: Array, turn: Array) -> Flags:
-    """Mask of the positions that jump away and back faster than an arm can move.
+    """Mask of the positions that jump away and back faster than an arm can move, shape (N, n).
 
     Args:
         q: Positions, shape (N, n) [units of the log].
         time: Times of the samples, shape (N,) [s].
-        speed: Largest speed of each channel, shape (n,) [units of the log per second].
-        turn: Full turn of each channel, by which wrapped angles jump, shape (n,); infinite if it is not an angle.
+        speed: Largest plausible speed of each channel, shape (n,) [units of the log per second].
+        turn: Full turn of each channel, by which wrapped angles jump, shape (n,) [units of the log]; infinite if it
+            is not an angle.
 
     Returns:
         Mask, shape (N, n).
@@ -160,7 +161,7 @@ def impossible_positions(q: Array, time: Array, speed: Array, turn: Array) -> Fl
 
 
 def _mark_impossible(x: Array, time: Array, fastest: float, turn: float, found: Flags) -> None:
-    """Marks the impossible positions of one channel (N,); jumps by whole turns `turn` are not marked."""
+    """Marks impossible positions of one channel (N,) in the mask `found`; jumps by whole turns are not marked."""
     step, seconds = np.abs(np.diff(x)), np.abs(np.diff(time))
     if not (step > fastest * seconds).any():
         return
@@ -176,7 +177,7 @@ def _mark_impossible(x: Array, time: Array, fastest: float, turn: float, found: 
 
 
 def confirmed_velocities(dq: Array, flags: Flags, q: Array, time: Array, channels: Channels) -> Flags:
-    """Mask of the isolated velocities that agree with the differences of the positions, so that they are real motion.
+    """Mask of the isolated velocities that are real motion, because the differences of the positions agree.
 
     Args:
         dq: Velocities, shape (N, n).
@@ -227,9 +228,9 @@ def _channels(recording: Recording, log_format: LogFormat, robot: Robot) -> Chan
 
 
 def _add_lost_packets(flags: Flags, values: Array) -> None:
-    """Flags all short groups of rows of zeros if one of these rows contains a spike.
+    """Flags all short groups of rows with only zeros, if one such row already contains a spike.
 
-    A lost packet that is logged as zeros is not a spike if the values are near zero.
+    Without this, zeros of a lost packet would not be detected if the other values are near zero.
     """
     rows = np.flatnonzero(flags.any(axis=1))
     if values.shape[1] < FEWEST_ZEROS or not (values[rows] == 0.0).all(axis=1).any():
@@ -266,9 +267,9 @@ def _repaired(recording: Recording, turn: Array, found: dict[str, Flags], time: 
 
 
 def _interpolated(values: Array, flags: Flags, time: Array, turn: Array) -> Array:
-    """Values (N, n) whose flagged samples are interpolated; angles with a finite full turn are unwrapped before.
+    """Values (N, n) in which flagged samples are interpolated; angles with a finite full turn are unwrapped before.
 
-    A channel of which all samples are flagged stays as it is.
+    A channel in which all samples are flagged is not changed.
     """
     result = values.copy()
     for j in np.flatnonzero(flags.any(axis=0) & ~flags.all(axis=0)):
@@ -285,7 +286,7 @@ def _interpolated(values: Array, flags: Flags, time: Array, turn: Array) -> Arra
 def _finding(
     recording: Recording, quantity: str, flags: Flags, time: Array, channels: Channels, *, kept: bool
 ) -> Finding:
-    """Finding about the spikes of one quantity in all channels."""
+    """Finding about the spikes of one quantity (`q`, `dq` or `effort`) in all channels."""
     rows = np.flatnonzero(flags.any(axis=1))
     times = ", ".join(f"{t:.3f}" for t in time[rows[:LISTED]]) + " s"
     more = f" and {len(rows) - LISTED} more" if len(rows) > LISTED else ""
@@ -309,7 +310,7 @@ def _finding(
 
 
 def _largest(recording: Recording, quantity: str, flags: Flags, time: Array, channels: Channels) -> str:
-    """Sentences about the largest spike, relative to the range of its channel; empty if all samples are spikes."""
+    """Text about the largest spike of a quantity, relative to the range of its channel; may be empty."""
     values = getattr(recording, quantity)
     good = np.flatnonzero(~flags.any(axis=1))
     if not len(good):

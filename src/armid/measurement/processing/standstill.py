@@ -3,13 +3,13 @@
 A joint that reverses passes through rest quickly: with acceleration a, its speed is below v for a time 2 v / a. A
 joint that sticks stays at rest for longer, and moves fast soon afterwards. A segment of slow samples is therefore
 standstill if an equally long segment before or after it contains a speed that is too high for a smooth passage
-through zero. If a joint sticks once in a recording, it may also stick at other times; for these a lower speed is
-sufficient.
+through zero. If a joint sticks once in a recording, it may also stick at other times; to detect these, a lower speed
+before or after the slow segment is sufficient.
 
 If all joints stand at the same time, the arm rests. Rests of a second or more occur before and after a motion and
 between poses, not because of sticking. The motion before the rest determines the sign of friction, and the torque
-shows the weight of the arm. Segments in which the arm rests do not count as standstill, unless only one joint moves
-in the whole recording. In long rests, joints may creep (move very slowly).
+contains the weight of the arm. Segments in which the arm rests do not count as standstill, unless only one joint
+moves in the whole recording. In long rests, joints may creep (move very slowly).
 
 Rests of less than a second occur if one motion ends and the next begins, for instance if a designed motion is
 repeated. Within a few samples, the friction of every joint passes through its whole range. In these rows, friction at
@@ -36,71 +36,78 @@ from armid.measurement.processing.row_mask import MOST_STILL
 from armid.measurement.recording import Recording
 
 SPAN = 0.024
-"""Time over which a speed is measured [s]. Encoder noise of 1e-5 rad at 1 kHz then causes a noise of 3e-4 rad/s,
-and standstill of 0.05 s is still visible."""
+"""Time over which a speed is computed from positions [s]. Encoder noise of 1e-5 rad at 1 kHz then causes a noise of
+3e-4 rad/s, and a standstill of 0.05 s can still be detected."""
 
 NARROWEST = 2
-"""Smallest number of samples before and after a sample from which its speed is measured, for low sample rates."""
+"""Smallest number of samples before and after a sample from which its speed is computed, for low sample rates."""
 
 SURE = 4.0
-"""Number of standard deviations of a measured speed below which it is not significant."""
+"""Number of standard deviations of the noise of a speed up to which the speed is not significant."""
 
 SLOW = 0.005
-"""Share of the RMS speed of a joint below which the joint counts as slow, if the noise is small enough. At 1 rad/s² a
-joint passes through this range in some milliseconds."""
+"""Ratio of the speed of a joint to its RMS speed below which the joint counts as slow, if the noise is small enough.
+At 1 rad/s² a joint passes through this range in some milliseconds."""
 
 BLIND = 0.1
-"""Limit of slow speed, as a share of the RMS speed of a joint, above which standstill cannot be told from noise."""
+"""Largest ratio of the speed limit of slow samples to the RMS speed of a joint at which standstill can be
+distinguished from noise."""
 
 SHORTEST = 0.04
-"""Shortest standstill that is detected [s]; a shorter one moves an estimate by less than its standard deviation."""
+"""Duration of the shortest standstill that is detected [s]; a shorter one moves an estimate by less than its standard
+deviation."""
 
 LEAST = 3
 """Smallest number of samples of a standstill, for low sample rates."""
 
 STANDS = 25.0
-"""Smallest speed, divided by the limit of slow speed, that a joint must reach within the length of a slow segment
-before or after it, so that the joint stood still. The ratio is 3 at constant acceleration, 9 if the velocity
-touches zero, and 17 if the velocity just crosses zero and comes back; it is larger if the segment has only a few
-samples."""
+"""Speed that a joint must exceed before or after a slow segment, within the length of the segment, so that the
+segment counts as standstill; it is divided by the speed limit of slow samples. The ratio is 3 at constant
+acceleration, 9 if the velocity touches zero, and 17 if the velocity just crosses zero and comes back; it is larger if
+the segment has only a few samples."""
 
 LINGERS = 6.0
-"""Value in place of `STANDS` for a joint that stands still elsewhere in the recording: twice the ratio at constant
+"""Value that replaces `STANDS` for a joint that stands still elsewhere in the recording: twice the ratio at constant
 acceleration."""
 
 RESTING = 0.5
-"""Smallest share of a slow segment in which all joints must be slow, so that the whole arm counts as resting."""
+"""Smallest share of a slow segment in which all joints must be slow, so that the whole arm counts as resting in this
+segment."""
 
 LONG = 1.0
 """Length from which a slow segment is a long rest [s]; in a long rest, joints that creep also count as resting. In
-shorter segments they do not: if a motion starts again, sticking joints come to rest one after another within 0.25
-s."""
+shorter segments they do not, because sticking joints come to rest one after another within 0.25 s if a motion starts
+again."""
 
 MOMENT = 0.02
-"""Share of the RMS speed of each joint below which all joints count as resting for a moment between motions."""
+"""Ratio of the speed to the RMS speed of each joint below which all joints count as resting for a moment between
+motions."""
 
 SLIDING = 0.1
-"""Share of the RMS speed of a joint from which the joint certainly slides before or after such a moment."""
+"""Ratio of the speed to the RMS speed of a joint above which the joint certainly slides before or after such a
+moment."""
 
 PASSES, HURRIES = 5.0, 3.5
-"""Factor on a speed limit, and largest ratio of the times below the two limits for a joint that comes to rest. If
-a velocity only passes through zero, this ratio is equal to the factor; if the joint comes to rest, even for an
-instant, the ratio is at most the square root of the factor. The threshold lies between these two values."""
+"""Factor between two speed limits, and largest ratio of the durations below the larger and the smaller limit at which
+a joint counts as coming to rest. If a velocity only passes through zero, the ratio of the durations is equal to the
+factor; if the joint comes to rest, even for an instant, it is at most the square root of the factor. The threshold
+lies between these two values."""
 
 HELD = 0.5
 """Shortest rest of a joint that is left out if only rows in motion are used [s]. At the ends of a recording, where a
-rest may continue outside, half of it is sufficient. The speed is measured over half of it; position noise of 0.4 mrad
-(4096 counts per turn) at 250 Hz then gives a speed noise of 0.8 mrad/s."""
+rest may continue outside, half of this time is sufficient. The speed is computed over half of this time; position
+noise of 0.4 mrad (4096 counts per turn) at 250 Hz then gives a speed noise of 0.8 mrad/s."""
 
 AT_REST = 0.03
-"""Share of the RMS speed of a joint below which the joint counts as resting; in long rests, joints may creep."""
+"""Ratio of the speed to the RMS speed of a joint below which the joint counts as resting in long rests, in which
+joints may creep."""
 
 STILL = 1e-3
-"""Speed below which a joint always counts as resting [rad/s or m/s]; it is needed if a joint never moves, because a
-share of the RMS speed then means nothing."""
+"""Speed below which a joint always counts as resting in long rests [rad/s or m/s]; it is needed for joints that never
+move, because their RMS speed is only noise."""
 
 BESIDE = 0.5
-"""Time before and after a moment of rest that is examined for slow samples [s]."""
+"""Time before and after a moment of rest in which adjacent slow samples are searched [s]."""
 
 
 def standing(q: Array, rate: float, noise: Array | None = None) -> NDArray[np.bool_]:
@@ -109,7 +116,7 @@ def standing(q: Array, rate: float, noise: Array | None = None) -> NDArray[np.bo
     The arguments are those of `sticks_and_rests`.
 
     Returns:
-        Flags (N, n).
+        Mask, shape (N, n).
     """
     sticks, rests = sticks_and_rests(q, rate, noise)
     return sticks | rests
@@ -118,7 +125,7 @@ def standing(q: Array, rate: float, noise: Array | None = None) -> NDArray[np.bo
 def sticks_and_rests(
     q: Array, rate: float, noise: Array | None = None, *, every: bool = False
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Masks of samples at which a joint stands still while others move, and of samples in brief rests of all joints.
+    """Masks of samples at which a joint stands still while others move, and at which all joints rest briefly.
 
     If `every` is false, the masks are false for joints that never move, and for joints whose noise is too large to
     detect standstill.
@@ -126,10 +133,10 @@ def sticks_and_rests(
     Args:
         q: Positions at a uniform rate, not filtered, shape (N, n) [rad or m].
         rate: Sample rate [Hz].
-        noise: Noise of the positions as logged, shape (n,) [rad or m]; if not given, the noise of `q`. After
-            interpolation on a uniform grid, rounded positions would seem to have no noise.
-        every: True if the second mask also contains all rests of a joint of at least `HELD`, and joints that never
-            move.
+        noise: Standard deviation of the noise of the positions as logged, shape (n,) [rad or m]; if not given, it is
+            estimated from `q`. After interpolation on a uniform grid, rounded positions would seem to have no noise.
+        every: True if the second mask also contains all rests of single joints of at least `HELD`, and joints that
+            never move.
 
     Returns:
         Two masks, shape (N, n) each.
@@ -167,9 +174,9 @@ def standstill_findings(
 
     Args:
         recording: The recording.
-        share: Share of the rows of each joint that standstill affects, shape (n,).
-        sticks: Share of the rows of each joint that sticking of the joint affects, shape (n,).
-        rests: Share of the rows of each joint that rests of all joints between motions affect, shape (n,).
+        share: Share of the rows of each joint that any standstill affects, shape (n,).
+        sticks: Share of the rows of each joint that are affected because the joint sticks, shape (n,).
+        rests: Share of the rows of each joint that are affected because all joints rest between motions, shape (n,).
         every: True if long rests are left out, too, even if few rows remain.
     """
     spared = (share > MOST_STILL) & (not every)
@@ -203,12 +210,12 @@ def standstill_findings(
 
 
 def _shares(recording: Recording, share: Array) -> str:
-    """Text that lists the channels with a share above zero."""
+    """Text that lists the channels with a share above zero, and their shares in percent."""
     return ", ".join(f"{recording.channels[j]} {share[j]:.0%}" for j in np.flatnonzero(share > 0.0))
 
 
 def position_noise(q: Array, time: Array) -> Array:
-    """Standard deviation of the noise of each position, including rounding.
+    """Standard deviation of the noise of the positions of each joint, including rounding.
 
     Args:
         q: Positions as they were logged, shape (N, n) [rad or m].
@@ -231,7 +238,7 @@ def position_noise(q: Array, time: Array) -> Array:
 
 
 def _significant(noise: Array, half: int, rate: float) -> Array:
-    """Smallest speed, measured over `half` samples on each side, that is significant against noise, shape (n,)."""
+    """Smallest significant speed in the presence of noise, shape (n,), for means of `half` samples on each side."""
     return SURE * noise * np.sqrt(2.0 / half) / (half + 1) * rate
 
 
@@ -258,7 +265,7 @@ def _long_rests(q: Array, rate: float, noise: Array) -> NDArray[np.bool_]:
 
 
 def _moments(speed: Array, limit: Array, rate: float) -> NDArray[np.bool_]:
-    """Mask of moments at which all joints rest between motions, with the adjacent slow samples, shape (N, m).
+    """Mask of brief rests of all joints between motions, with the adjacent slow samples of each joint, shape (N, m).
 
     Args:
         speed: Speeds divided by the RMS speed of each joint, shape (N, m).
@@ -284,7 +291,10 @@ def _moments(speed: Array, limit: Array, rate: float) -> NDArray[np.bool_]:
 
 
 def _around(speed: Array, begin: int, end: int) -> Callable[[float], tuple[int, int]]:
-    """Function of a speed limit that returns first sample and end of the segment around `begin` to `end` below it."""
+    """Function that returns the segment around `begin` to `end` in which speeds (N,) are below a speed limit.
+
+    The segment is given by its first sample and its end.
+    """
 
     def below(limit: float) -> tuple[int, int]:
         before, after = np.flatnonzero(speed[:begin] >= limit), np.flatnonzero(speed[end:] >= limit)
@@ -294,7 +304,10 @@ def _around(speed: Array, begin: int, end: int) -> Callable[[float], tuple[int, 
 
 
 def _slow_segments(speed: Array, shortest: int) -> tuple[NDArray[np.intp], Array]:
-    """First sample and end (K, 2) of segments with speeds (N,) below 1, and the largest speed near each, (K,)."""
+    """First sample and end (K, 2) of segments with speeds (N,) below 1, and the largest speed around each, (K,).
+
+    Segments with fewer than `shortest` samples are left out.
+    """
     slow = np.concatenate([[False], speed < 1.0, [False]])
     ends = np.flatnonzero(np.diff(slow)).reshape(-1, 2)
     ends = ends[ends[:, 1] - ends[:, 0] >= shortest]
@@ -307,7 +320,7 @@ def _slow_segments(speed: Array, shortest: int) -> tuple[NDArray[np.intp], Array
 
 
 def _speed(q: Array, half: int, rate: float) -> Array:
-    """Speed at each sample, from the means of `half` samples before and after it, shape (N, n)."""
+    """Absolute speed at each sample, from the means of `half` samples before and after it, shape (N, n)."""
     centred = q - q.mean(axis=0)
     whole = np.concatenate(
         [2 * centred[0] - centred[half:0:-1], centred, 2 * centred[-1] - centred[-2 : -half - 2 : -1]]

@@ -17,43 +17,44 @@ from armid.measurement.recording import Recording
 from armid.remedy import Remedy, setting
 
 GAP_STEPS = 2.5
-"""Number of median steps from which a step counts as a gap. Two successive lost samples exceed this number; jitter
-does not."""
+"""Length of a time step, in median steps, above which it counts as a gap. Two successive lost samples exceed this
+length; jitter does not."""
 
 GAP_PERIODS = 0.25
-"""Share of a period of the cut-off below which a step is not a gap. Inside such a step, a cubic spline has an error
-of 2 % of the amplitude at the cut-off and of 4e-4 at 0.4 times the cut-off; a gap costs a second of rows. For a
-recording of the UR10e of which 10, 20 and 30 % of the rows were removed at random, the errors on other motion were
-1.00, 1.00 and 1.03 times those of the whole recording; with a share of 0.1, 1.20 and 3.42 times, and no
-row was left."""
+"""Length of a time step, in periods of the cut-off, up to which it is not a gap. Inside such a step, a cubic spline
+has an error of 2 % of the amplitude at the cut-off and of 4e-4 at 0.4 times the cut-off, whereas a gap costs a second
+of rows. In a recording of the UR10e, 10, 20 and 30 % of the rows were removed at random. With this value, the errors
+on other motion were 1.00, 1.00 and 1.03 times those with the whole recording. With a value of 0.1, they were 1.20 and
+3.42 times as large for 10 and 20 %, and no row was left for 30 %."""
 
 FEW_GAPS = 3
-"""Number of gaps up to which each has a finding of its own."""
+"""Largest number of gaps for which each gap has its own finding."""
 
 JITTER = 0.05
-"""Standard deviation of a clock from a uniform grid, in steps, above which samples are resampled. Smaller jitter
-changes a position by less than the motion in a twentieth of a step."""
+"""Standard deviation of the time stamps from a uniform grid, in steps, above which samples are resampled. Smaller
+jitter changes a position by less than the motion in a twentieth of a step."""
 
 ASTRAY = 0.5
-"""Largest distance of a sample from a uniform grid, in steps. This limit detects a sample that is lost near an end,
-which hardly changes the standard deviation."""
+"""Distance of a time stamp from a uniform grid, in steps, above which samples are resampled. With this limit, a
+sample that is lost near an end is detected, which hardly changes the standard deviation."""
 
 WHOLE = 0.05
 """Difference between the duration of all periods and a whole number of samples above which the samples are resampled
 [samples]."""
 
 DIGITS = 10
-"""Number of significant digits of a mean rate. Further digits come from rounding of the clock; without them, the
-times drift by less than 1e-6 s in an hour."""
+"""Number of significant digits of a mean sample rate. Further digits come from rounding of the clock; without them,
+the times drift by less than 1e-6 s in an hour."""
 
 CONTINUED = 3
-"""Number of samples by which a periodic motion is extended before it is resampled: one to reach the end, and two
-so that the spline has points on both sides."""
+"""Number of samples by which a periodic motion is continued before it is resampled: one to reach the end of the
+period, and two so that the spline has points on both sides."""
 
 
 BRIEF = 1.0
-"""Number of periods of the cut-off below which a segment is too short for a filter. Without this limit, a segment of
-two samples a nanosecond apart would have a huge sample rate and need a filter of unlimited length."""
+"""Length of a segment, in periods of the cut-off, below which the segment is too short for a filter. Without this
+limit, a segment of two samples a nanosecond apart would have a huge sample rate and need a filter of unlimited
+length."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -63,12 +64,12 @@ class Segment:
     Attributes:
         time: Times of the samples, shape (N,) [s].
         rate: Average sample rate [Hz].
-        q: Positions, shape (N, n).
-        dq: Velocities, if recorded, shape (N, n).
-        ddq: Accelerations, if recorded, shape (N, n).
-        effort: Torque, shape (N, n).
-        bad: True for samples that must not be used, shape (N, n).
-        number: Number of each sample in the recording, shape (N,), if samples in between are left out.
+        q: Positions, shape (N, n) [rad or m].
+        dq: Velocities, shape (N, n) [rad/s or m/s]; `None` if not recorded.
+        ddq: Accelerations, shape (N, n) [rad/s² or m/s²]; `None` if not recorded.
+        effort: Torque, shape (N, n) [N·m or N].
+        bad: Mask of the samples that must not be used, shape (N, n).
+        number: Number of each sample in the recording, shape (N,), if samples in between have been left out.
     """
 
     time: Array
@@ -92,45 +93,45 @@ class Segment:
         rate: float,
         bad: Callable[[NDArray[np.bool_]], NDArray[np.bool_]],
     ) -> Segment:
-        """Applies one transformation to every signal; the result has no missing samples, so `number` is `None`."""
+        """Applies one function to all signals and another one to the mask; the result has no missing samples."""
         dq = None if self.dq is None else signals(self.dq)
         ddq = None if self.ddq is None else signals(self.ddq)
         return Segment(time, rate, signals(self.q), dq, ddq, signals(self.effort), bad(self.bad))
 
     def select(self, rows: slice | NDArray[np.bool_]) -> Segment:
-        """Selects samples of the segment by a slice or a mask (N,)."""
+        """Part of the segment with the samples that a slice or a mask (N,) selects."""
         few = self.changed(lambda x: x[rows], self.time[rows], self.rate, lambda bad: bad[rows])
         number = np.arange(self.samples) if self.number is None else self.number
         return replace(few, number=number[rows])
 
     def cut(self, first: int, stop: int) -> Segment:
-        """Selects the samples `first` to `stop` - 1."""
+        """Part of the segment with the samples `first` to `stop` - 1."""
         return self.select(slice(first, stop))
 
 
 def jitter(time: Array, number: NDArray[np.int64] | None = None) -> float:
-    """Standard deviation of a clock from the uniform grid that fits best, in steps.
+    """Standard deviation of time stamps from the uniform grid that fits best, in steps of the grid.
 
     Args:
         time: Time stamps, shape (N,) [s].
-        number: Number of each sample in the recording, shape (N,), if some samples are left out.
+        number: Number of each sample in the recording, shape (N,), if some samples have been left out.
     """
     return float(np.std(_unevenness(time, number)))
 
 
 def is_even(time: Array, number: NDArray[np.int64] | None = None) -> bool:
-    """Tests whether samples were taken at a uniform rate; the arguments are those of `jitter`."""
+    """Checks whether samples were taken at a uniform rate; the arguments are those of `jitter`."""
     off = _unevenness(time, number)
     return float(np.std(off)) <= JITTER and float(np.abs(off).max(initial=0.0)) <= ASTRAY
 
 
 def is_brief(segment: Segment, cutoff: float) -> bool:
-    """Tests whether a segment is too short for a filter with a given cut-off [Hz], so that it must be left out."""
+    """Checks whether a segment is too short for a filter with the given cut-off [Hz], so that it must be left out."""
     return segment.samples * cutoff < BRIEF * segment.rate
 
 
 def _unevenness(time: Array, number: NDArray[np.int64] | None) -> Array:
-    """Distance of each sample from the uniform grid that fits best, in steps, shape (N,)."""
+    """Distance of each time stamp from the uniform grid that fits best, in steps of the grid, shape (N,)."""
     if len(time) < 3:
         return np.zeros(len(time))
     index = np.arange(len(time)) if number is None else number
@@ -147,7 +148,7 @@ def cut_at_gaps(recording: Recording, cutoff: float | None) -> tuple[list[Segmen
     Missing samples are a gap only if the time step from the sample before to the sample after them is long.
 
     Args:
-        recording: Recording in robot order, SI units, joint side; its rows are consecutive in time.
+        recording: Recording in the robot's joint order, SI units, joint side; its rows are consecutive in time.
         cutoff: Highest cut-off that will be used [Hz]; `None` if nothing is filtered.
 
     Raises:
@@ -165,13 +166,13 @@ def cut_at_gaps(recording: Recording, cutoff: float | None) -> tuple[list[Segmen
 
 
 def _gap_findings(whole: Segment, before: NDArray[np.int64], median: float, source: str) -> list[Finding]:
-    """Findings about gaps: one for each, or one for all if there are many.
+    """Findings about the gaps of a clock: one for each gap, or one for all gaps if there are many.
 
     Args:
-        whole: All samples.
-        before: Last sample before each gap, shape (k,).
+        whole: All samples of the recording.
+        before: Index of the last sample before each gap, shape (k,).
         median: Median step of the clock [s].
-        source: Recording.
+        source: Path of the recording.
     """
     steps = np.diff(whole.time)[before]
     starts = whole.time[before] - whole.time[0]
@@ -199,7 +200,7 @@ def _gap_findings(whole: Segment, before: NDArray[np.int64], median: float, sour
 
 
 def _without_specks(whole: Segment, longest: float) -> Segment:
-    """Leaves out samples that are not valid for any joint, if the time step over them is at most `longest` [s]."""
+    """Leaves out samples that are not valid for any joint, if the time step across them is at most `longest` [s]."""
     spoilt = whole.bad.all(axis=1)
     if not spoilt.any() or spoilt.all():
         return whole
@@ -212,12 +213,13 @@ def _without_specks(whole: Segment, longest: float) -> Segment:
 
 
 def gather(recording: Recording, *, clock: bool = True) -> tuple[Segment, float]:
-    """All samples with finite values as one segment, which may have gaps, and the median step of its clock [s].
+    """Joins all samples with finite values in one segment, which may have gaps.
+
+    The median step of its clock [s] is returned, too.
 
     Args:
-        recording: Recording in robot order, SI units, joint side.
-        clock: True if the recording must have a clock. Otherwise, the row number is used as time if there is no
-            clock.
+        recording: Recording in the robot's joint order, SI units, joint side.
+        clock: True if the recording must have a clock or a rate. If false, the row number is used as time.
     """
     name = recording.source or "The recording"
     if recording.effort is None:
@@ -270,7 +272,7 @@ def _median_step(time: Array, name: str) -> float:
 
 
 def _mean_rate(segment: Segment, step: float) -> float:
-    """Mean rate of a clock [Hz], rounded to the digits that are certain for the resolution of its time stamps."""
+    """Mean rate of a clock [Hz], rounded to the digits that are certain."""
     time, number = segment.time, segment.number
     steps = len(time) - 1 if number is None else int(number[-1] - number[0])
     mean = steps / float(time[-1] - time[0]) if len(time) > 1 else 1.0 / step
@@ -278,17 +280,17 @@ def _mean_rate(segment: Segment, step: float) -> float:
 
 
 def resample_uniform(segment: Segment, span: float | None, rows: float, *, each: bool) -> Segment:
-    """Segment on a uniform grid: on that of its clock if the clock is uniform enough, otherwise on a new grid.
+    """Segment on a uniform grid: the grid of its clock if this is uniform enough, otherwise a new grid.
 
     On the grid of the clock, only missing samples are interpolated, by a cubic spline; all other samples are
     unchanged. On a new grid, all samples are interpolated.
 
     Args:
         segment: Segment whose time stamps need not be uniform.
-        span: Period [s] that must be a whole number of samples; `None` if there is none.
+        span: Period [s] that must contain a whole number of samples; `None` if there is none.
         rows: Rate of the output rows [Hz]; the new rate is a multiple of it. If it is 0, the new rate is not
             restricted.
-        each: True if periods are used one by one, so that a fraction of a sample between two periods may be lost.
+        each: True if periods are used one by one, so that a fraction of a sample may be lost between two periods.
     """
     missed = 0.0
     if span is not None:
@@ -306,7 +308,7 @@ def resample_uniform(segment: Segment, span: float | None, rows: float, *, each:
 
 
 def _filled(segment: Segment) -> Segment:
-    """Interpolates the missing samples of a uniform segment; a new sample next to a bad sample is marked as bad."""
+    """Interpolates the missing samples of a uniform segment; new samples next to a bad sample are marked as bad."""
     if segment.number is None:
         return segment
     place = segment.number - segment.number[0]
@@ -326,13 +328,13 @@ def _filled(segment: Segment) -> Segment:
 
 
 def uniform(segment: Segment, rate: float, period: float | None = None) -> Segment:
-    """Resamples a segment on a uniform grid from its first sample; samples next to a bad sample are marked as bad.
+    """Resamples a segment on a uniform grid from its first sample; samples next to bad ones are marked as bad.
 
     Args:
         segment: Segment whose time stamps need not be uniform.
         rate: Rate of the uniform grid [Hz].
         period: Period of the motion, if it repeats [s]. The grid then also contains the time between the last sample
-            and the end of the period; the samples one period earlier are used for it.
+            and the end of the period, for which the samples one period earlier are used.
     """
     time, end = segment.time, float(segment.time[-1])
     order = np.arange(len(time))

@@ -9,7 +9,7 @@ from armid.measurement.processing.uniform_runs import Segment
 from armid.measurement.recording import Recording
 
 FEW_RUNS = 3
-"""Number of unusable runs up to which each has a finding of its own."""
+"""Largest number of unusable runs for which each run has its own finding."""
 
 
 def brief_run(segment: Segment, cutoff: float, source: str) -> Finding:
@@ -25,11 +25,11 @@ def brief_run(segment: Segment, cutoff: float, source: str) -> Finding:
 
 
 def unusable_runs(runs: Sequence[tuple[Segment, int]], source: str) -> list[Finding]:
-    """Findings about runs without usable rows: one for each, or one for all if there are many.
+    """Findings about runs without usable rows: one for each run, or one for all runs if there are many.
 
     Args:
         runs: Each run, and the number of samples that are left out at each of its ends.
-        source: Recording.
+        source: Path of the recording.
     """
     if len(runs) <= FEW_RUNS:
         return [_unusable_run(segment, margin, source) for segment, margin in runs]
@@ -61,7 +61,7 @@ def _unusable_run(segment: Segment, margin: int, source: str) -> Finding:
 
 
 def no_run_left(recording: Recording, findings: Sequence[Finding]) -> RecordingError:
-    """Error for a recording without usable rows."""
+    """Error for a recording in which no run has usable rows."""
     return RecordingError(
         f"no row is left for the estimation. {findings[-1].evidence}",
         remedy="give a smaller `trim`, a higher `cutoff` or shorter `exclude` intervals, or record a longer motion; "

@@ -19,9 +19,9 @@ def load_recording(path: Path | str, log_format: LogFormat | None = None, robot:
     """Reads a recording without conversion; `to_robot_convention` converts it to the convention of the robot.
 
     Args:
-        path: File, with a suffix that shows the format, or the folder of a ROS bag.
+        path: File, whose suffix determines the format, or the folder of a ROS bag.
         log_format: Log format of the file.
-        robot: The arm, whose joint names select columns, topic and messages.
+        robot: The arm; its joint names are used to select columns, topic and messages.
 
     Raises:
         RecordingError: The file is missing, empty, damaged, of an unknown format, or lacks a column.
@@ -33,7 +33,7 @@ def load_recording(path: Path | str, log_format: LogFormat | None = None, robot:
 
 
 def _format(path: Path) -> RecordingFormat:
-    """Format of the recording at a path, by its suffix."""
+    """Format of the recording at a path, determined by its suffix; raises an error if the file cannot be read."""
     if path.is_dir():
         return next(each for each in READERS.values() if each.has_folders)
     name = path.name.lower()

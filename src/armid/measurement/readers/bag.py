@@ -23,7 +23,7 @@ EXTRA = "io"
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
 COMMANDED = ("command", "cmd", "desired", "target", "reference", "setpoint", "goal")
-"""Words in the names of topics whose values are commanded, not measured."""
+"""Words in the names of topics whose values are commanded and not measured."""
 
 POINT = "trajectory_msgs/JointTrajectoryPoint"
 DEFINITIONS = {
@@ -38,7 +38,7 @@ DEFINITIONS = {
         for name in ("reference", "feedback", "error", "output")
     ),
 }
-"""Definitions of ros2_control messages in ROS 2 Jazzy, for bags that do not contain the definitions."""
+"""Definitions of the messages of ros2_control in ROS 2 Jazzy, for bags that do not contain them."""
 
 Fields = tuple[Sequence[str], dict[str, Any]]
 
@@ -111,7 +111,7 @@ def _read_open(bag: Any, log_format: LogFormat, robot: Robot | None, path: Path)
 
 
 def _candidates(kinds: Mapping[str, str], log_format: LogFormat, path: Path) -> Iterable[list[str]]:
-    """Topics to read, by message type: the topic of the log format, or all topics with joint states."""
+    """Groups of topics with joint states, one for each message type, or only the topic of the log format."""
     known = sorted(topic for topic, kind in kinds.items() if kind in KINDS)
     if log_format.topic is not None:
         if log_format.topic in known:
@@ -135,7 +135,7 @@ def _candidates(kinds: Mapping[str, str], log_format: LogFormat, path: Path) -> 
 
 
 def _publishers(bag: Any, topic: str, fields_of: Callable[[Any], Fields]) -> list[Publisher]:
-    """Messages of a topic, grouped by their joints."""
+    """Reads the messages of a topic and groups them by their joints."""
     found: dict[frozenset[str], Publisher] = {}
     wanted = [connection for connection in bag.connections if connection.topic == topic]
     for connection, received, data in bag.messages(connections=wanted):
@@ -174,7 +174,7 @@ def _several(topics: Sequence[str], path: Path) -> RecordingError:
 
 
 def _topic_finding(topic: str, others: Sequence[str]) -> Finding:
-    """Finding about the choice of one of several topics."""
+    """Finding that one of several topics was chosen."""
     return Finding(
         "topic-chosen",
         "info",
@@ -188,7 +188,7 @@ def _joint_state(message: Any) -> Fields:
 
 
 def _dynamic_joint_state(message: Any) -> Fields:
-    """Values of the interfaces (position, …) of all joints, by name; NaN if a joint lacks an interface."""
+    """Joint names and values (position, …) of a message with the interfaces of each joint; NaN for missing values."""
     of_joint = [dict(zip(each.interface_names, each.values, strict=True)) for each in message.interface_values]
     return message.joint_names, {
         name: np.array([float(each.get(name, np.nan)) for each in of_joint]) for name in FIELDS
@@ -196,7 +196,7 @@ def _dynamic_joint_state(message: Any) -> Fields:
 
 
 def _controller_state(message: Any) -> Fields:
-    """Measured state in the message of a controller: its field `actual` in older, `feedback` in newer versions."""
+    """Joint names and measured values in the message of a controller, from its field `feedback` (older: `actual`)."""
     point = getattr(message, "feedback", None) or message.actual
     return message.joint_names, {"position": point.positions, "velocity": point.velocities, "effort": point.effort}
 
@@ -206,12 +206,12 @@ KINDS: Mapping[str, Callable[[Any], Fields]] = {
     "control_msgs/msg/DynamicJointState": _dynamic_joint_state,
     "control_msgs/msg/JointTrajectoryControllerState": _controller_state,
 }
-"""Types of messages with joint states, in order of preference."""
+"""For each message type with joint states, in order of preference: function that returns joint names and values."""
 
 
 @cache
 def _store() -> Any:
-    """Message definitions for bags of older ROS distributions, which do not contain them."""
+    """Message definitions for bags that do not contain them, such as those of older ROS distributions."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS2_JAZZY)
@@ -221,7 +221,7 @@ def _store() -> Any:
 
 
 def _faults() -> tuple[type[Exception], ...]:
-    """Types of the exceptions that damaged bags cause: those of rosbags, of SQLite, and of Python itself."""
+    """Types of the exceptions that damaged bags cause, raised by rosbags, SQLite or Python itself."""
     from rosbags import highlevel, rosbag1, rosbag2, serde, typesys
 
     own = (highlevel.AnyReaderError, rosbag1.ReaderError, rosbag2.ReaderError, serde.SerdeError, typesys.TypesysError)
@@ -241,7 +241,7 @@ def _faults() -> tuple[type[Exception], ...]:
 
 
 def _fault(module: str, name: str) -> list[type[Exception]]:
-    """Exception class of a package on which rosbags depends, if the package is installed."""
+    """Exception class `name` of a package on which rosbags depends; empty if the package is not installed."""
     import importlib
 
     try:

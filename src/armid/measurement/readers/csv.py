@@ -1,4 +1,4 @@
-"""Reader of text tables with column names and one line per sample; also compressed by gzip, xz, bzip2 or zstd."""
+"""Reader of text tables with column names and one line per sample, also compressed (gzip, xz, bzip2 or zstd)."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ EXTRA = "io"
 def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
     """Reads a text table; encoding, delimiter and decimal sign are detected.
 
-    Lines that begin with `#`, `%` or `//` may precede the table. The last of them may be the header, and a line of
-    units may follow the header. Times may be numbers, dates in the format of ISO 8601, or times of day. An incomplete
-    last row is left out, with the finding `row-incomplete`.
+    Lines that begin with `#`, `%` or `//` may precede the table. The last of these lines may be the header, and a
+    line of units may follow the header. Times may be numbers, dates in the format of ISO 8601, or times of day. An
+    incomplete last row is left out, with the finding `row-incomplete`.
 
     Raises:
         RecordingError: There is no header, a row has a wrong number of fields, or a field is not a number. The
@@ -54,7 +54,7 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
 
 
 def _unpacked(path: Path) -> bytes:
-    """Content of a file as bytes, uncompressed if the file is compressed."""
+    """Reads a file as bytes and decompresses them if the suffix is that of a compressed file."""
     data = path.read_bytes()
     suffix = path.suffix.lower()
     try:

@@ -53,7 +53,7 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
 
 
 def _is_header(row: Sequence[Any]) -> bool:
-    """Tests whether a row contains column names: at least two texts, and no number."""
+    """Checks whether a row contains column names: at least two texts, and no number."""
     texts = [cell for cell in row if isinstance(cell, str) and cell.strip()]
     return len(texts) > 1 and all(isinstance(cell, str) for cell in row)
 
@@ -73,7 +73,7 @@ def _recording(
 
 
 def _number(cell: Any, where: str) -> float:
-    """Number in a cell; a date is converted to seconds since 1970, an empty cell to NaN."""
+    """Converts a cell to a number: a date becomes seconds since 1970, an empty cell NaN."""
     if isinstance(cell, bool | int | float):
         return float(cell)
     if isinstance(cell, timedelta):

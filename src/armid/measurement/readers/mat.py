@@ -20,7 +20,7 @@ from armid.robot.robot import Robot
 EXTRA = "io"
 
 NAMES = ("joint_names", "names")
-"""Names of cell arrays that may contain the names of the channels."""
+"""Names of cell arrays in which the names of the channels are expected."""
 
 NUMERIC = frozenset("double single int8 int16 int32 int64 uint8 uint16 uint32 uint64 logical".split())
 """Names of the MATLAB classes of plain numbers."""
@@ -75,7 +75,7 @@ def _read_v5(path: Path, log_format: LogFormat, robot: Robot | None) -> Recordin
 
 
 def _read_v73(path: Path, log_format: LogFormat, robot: Robot | None) -> Recording:
-    """Reads a MATLAB file of version 7.3, an HDF5 file that contains every matrix transposed."""
+    """Reads a MATLAB file of version 7.3, which is an HDF5 file that contains every matrix transposed."""
     try:
         import h5py
     except ImportError as error:
@@ -102,7 +102,7 @@ def _read_v73(path: Path, log_format: LogFormat, robot: Robot | None) -> Recordi
 def _assembled(
     selection: Selection, data: dict[str, NDArray[Any]], log_format: LogFormat, path: Path, names: list[str]
 ) -> Recording:
-    """Recording from the variables of a file, whose matrices have one row for each sample."""
+    """Builds the recording from the variables of a file, whose matrices have one row for each sample."""
     # A vector may be a row or a column in MATLAB. It is one channel where each channel has a variable or there is one
     # joint; otherwise it is a matrix of one row.
     shapes = {data[name].shape for name in selection.names}
@@ -117,7 +117,7 @@ def _assembled(
 
 
 def _class_v73(item: Any) -> str:
-    """MATLAB class of an HDF5 item."""
+    """Name of the MATLAB class of an HDF5 item."""
     kind = item.attrs.get("MATLAB_class")
     if kind is not None:
         return bytes(kind).decode()
@@ -137,7 +137,7 @@ def _refuse_objects(classes: dict[str, str], path: Path) -> None:
 
 
 def _flat(cells: NDArray[Any]) -> list[Any]:
-    """Strings of a cell or char array."""
+    """Strings in a cell or char array, as a list."""
     return [cell.item() if isinstance(cell, np.ndarray) else cell for cell in np.asarray(cells).reshape(-1)]
 
 

@@ -1,4 +1,4 @@
-"""Reader of NumPy archives, also of those that armid saves: one matrix per quantity, or one vector per channel."""
+"""Reader of NumPy archives, including those that armid saves: a matrix per quantity, or a vector per channel."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 
 NAMES = ("joint_names", "names")
-"""Names of variables that may contain the names of the channels."""
+"""Names of variables in which the names of the channels are expected."""
 
 
 def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:

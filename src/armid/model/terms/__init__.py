@@ -46,5 +46,5 @@ __all__ = [
 ]
 
 DEFAULT_TERMS: tuple[Term, ...] = (RigidBody(), Viscous(), Coulomb(width=0.02), Offset())
-"""Torque terms of a model for which none are given. With the width [rad/s] of Coulomb friction, encoder noise does
-not change the sign of friction at rest."""
+"""Torque terms of a model for which no terms are given. Because of the width of Coulomb friction [rad/s], encoder
+noise does not change the sign of the friction at rest."""

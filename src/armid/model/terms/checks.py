@@ -18,10 +18,10 @@ def require_width(what: str, width: float) -> None:
 
 
 def require_positive(what: str, value: float, least: float = 0.0) -> None:
-    """Raises an error if a value is not positive or, with `least`, if it is less than `least`.
+    """Raises an error unless a value is finite, positive and not less than `least`.
 
     Raises:
-        ModelError: The value is out of range.
+        ModelError: The value is out of range or not a number.
     """
     if not _is_number(value) or not (value > 0.0 and least <= value < float("inf")):
         bound = f"at least {least:g}" if least > 0.0 else "positive"
@@ -29,7 +29,7 @@ def require_positive(what: str, value: float, least: float = 0.0) -> None:
 
 
 def require_rising(what: str, values: object) -> tuple[float, ...]:
-    """Raises an error unless the values are one or more positive numbers in ascending order.
+    """Returns the values as a tuple; raises an error unless they are positive numbers in ascending order.
 
     Raises:
         ModelError: There are no values, or they are not positive, or not ascending.

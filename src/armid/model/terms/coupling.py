@@ -45,7 +45,10 @@ class Coupling:
             )
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """Laws IAM · ddc, FVM · dc and FSM · sgn(dc); their parameters get the number of the last of the joints."""
+        """Laws IAM · ddc, FVM · dc and FSM · sgn(dc) of the motor coordinate c = Σ w_j q_j.
+
+        The names of their parameters contain the number of the last of the coupled joints.
+        """
         coordinate = tuple(sorted((robot.joint_index(name), float(w)) for name, w in self.joints.items()))
         kinds = {robot.joints[j].kind == "prismatic" for j, _ in coordinate}
         if len(kinds) > 1:

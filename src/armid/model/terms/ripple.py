@@ -20,7 +20,7 @@ from armid.robot.robot import Robot
 FAMILY = CandidateFamily("ripple", order=40, position=True, rounds=3, margin=3.0, min_gain=0.05)
 
 HARMONICS = (2.0, 3.0, 4.0, 5.0, 6.0)
-"""Harmonics of the joint's angle that the automatic selection tries. The first harmonic is not tried, because gravity
+"""Harmonics of the joint angle that the automatic selection tries. The first harmonic is not tried, because gravity
 causes it, too. Harmonics above the sixth were found in no recording."""
 
 

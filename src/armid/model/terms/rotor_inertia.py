@@ -16,8 +16,8 @@ class RotorInertia:
 
     Attributes:
         joints: Names of the joints with this term; `None` for all joints.
-        signed: Names of the joints whose parameter may be negative. Joint torques of some controllers contain less
-            inertia than the links have.
+        signed: Names of the joints whose parameter may be negative, because the joint torques of some controllers
+            contain less inertia than the links have.
     """
 
     joints: tuple[str, ...] | None = None

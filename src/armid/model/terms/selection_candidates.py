@@ -51,11 +51,11 @@ class CandidateFamily:
         position: True if the friction could imitate gravity or an offset, so that it must reduce the error in
             other poses, too.
         rounds: Largest number of options that a joint may get one after another.
-        margin: Number of standard errors by which the gain of an option must exceed zero. The gain is the decrease of
-            the squared held-out error divided by this error.
+        margin: Smallest ratio of the gain of an option to its standard error. The gain is the decrease of the squared
+            held-out error divided by this error.
         min_gain: Smallest gain with which an option is accepted.
-        reselect: True if the family is selected again after all others: near standstill most friction laws are
-            similar.
+        reselect: True if the family is selected again after all others, because near standstill most friction laws
+            are similar.
     """
 
     name: str
@@ -70,7 +70,7 @@ class CandidateFamily:
 
 
 VELOCITY = CandidateFamily("velocity", order=30, rounds=2, min_gain=0.03, reselect=True)
-"""Family of the friction laws of the velocity, in addition to Coulomb and viscous friction."""
+"""Family of the friction laws that depend on the velocity, in addition to Coulomb and viscous friction."""
 
 ASYMMETRY = CandidateFamily("asymmetry", order=50, position=True, min_gain=0.05)
 """Family of the friction laws that depend on the direction of motion."""
@@ -81,16 +81,16 @@ class AutomaticChoice:
     """Properties of a torque term for the automatic selection of friction.
 
     Attributes:
-        make: Function that makes the term from its shapes, the width of the model's Coulomb friction, and the names
-            of the joints; `None` for all joints.
+        make: Function that creates the term from its shapes, the width of the model's Coulomb friction, and the names
+            of the joints (`None` for all joints).
         options: Options that a joint may get, each with its family; they may contain candidates of other terms.
         saturation: Ratio of joint speed to shape above which a law of the velocity is saturated. The law is not a
-            candidate for a joint that was never so fast, because below saturation it cannot be distinguished from
-            viscous friction and its extrapolation would be wrong.
+            candidate for a joint that never exceeded this ratio, because below saturation it cannot be distinguished
+            from viscous friction and its extrapolation would be wrong.
         one_shape: True if a joint can have the term only once, with one shape.
-        resolution: For a term that acts only for a short time after a reversal: what the low-pass filter must leave
-            in sufficient size, so that the term can be a candidate. `height`: the peak of a velocity law;
-            `transition`: the change of a hysteresis element after the reversal; empty: no requirement.
+        resolution: Part of a short effect that must remain after the low-pass filter, so that the term can be a
+            candidate. `height`: the peak of a velocity law; `transition`: the change of a hysteresis element after a
+            reversal; empty: no requirement.
         log_slope: Function that gives the derivative of the law with respect to the logarithm of its shape, from
             expression and shape. It is used to refine the shape by least squares after the selection.
         periodic: True if the law is periodic in k q, with the angle q of the joint and the shape k. The law is a
@@ -112,7 +112,7 @@ class AutomaticChoice:
 def one_by_one(
     family: CandidateFamily, term: str, shapes: Sequence[float] = (0.0,)
 ) -> tuple[tuple[CandidateFamily, Option], ...]:
-    """Makes one option for each shape; each option has only one candidate.
+    """Makes one option of a family for each shape of a term; each option has only this candidate.
 
     Args:
         family: Family of the options.
@@ -123,5 +123,5 @@ def one_by_one(
 
 
 def automatic_choice(term: type[Term]) -> AutomaticChoice | None:
-    """Properties of a term for the automatic selection of friction; `None` if a study must name the term."""
+    """Properties of a term for the automatic selection of friction; `None` if the selection does not try the term."""
     return getattr(term, "automatic", None)

@@ -1,4 +1,4 @@
-"""Interface of torque terms, and their laws, which are expressions.
+"""Interface of torque terms and of their laws, which are mathematical expressions.
 
 A law is τ = parameter · expression. The expression may contain the position `q`, velocity `dq` and acceleration `ddq`
 of one coordinate c = Σ w_j q_j, the torque `load` of the rigid bodies on this coordinate, and the hysteresis `state`
@@ -20,11 +20,11 @@ from armid.robot.robot import Joint, Robot
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """Torque law of one parameter.
+    """Law of the torque that one parameter causes.
 
     Attributes:
         symbol: Usual symbol of the parameter, for instance `FV`.
-        joint: Index of the joint whose number is in the name of the parameter, as in `FV_2`.
+        joint: Index of the joint that gives the parameter its number, as in `FV_2`.
         unit: Unit of the parameter.
         coordinate: Coordinate of the law, as pairs of joint index j and weight w_j.
         expression: Expression in `q`, `dq`, `ddq` and `load` of the coordinate and, with hysteresis, `state`.
@@ -56,7 +56,7 @@ class Term(Protocol):
     name: ClassVar[str]
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """Laws of this term for all joints of an arm on which it acts, joint by joint."""
+        """Laws of this term for all joints of an arm on which the term acts, joint by joint."""
         ...
 
 
@@ -79,12 +79,12 @@ def listed(shapes: Iterable[float]) -> str:
 
 
 def smooths_sign(term: Term) -> bool:
-    """True if the shape `width` of a term only makes a sign function smooth."""
+    """Checks whether the shape `width` of a term only smooths a sign function."""
     return getattr(term, "smooths_sign", False)
 
 
 def select_joints(robot: Robot, joints: Sequence[str] | None) -> tuple[int, ...]:
-    """Indices of the named joints; of all joints if no names are given.
+    """Indices of the joints with the given names, or of all joints if no names are given.
 
     Raises:
         RobotError: A joint is unknown.
@@ -104,7 +104,7 @@ def single_joint_laws(
     nonnegative: bool,
     memory: Play | None = None,
 ) -> tuple[Law, ...]:
-    """Laws with the same expression for each of several joints.
+    """Creates laws with the same expression for several joints, one law for each joint.
 
     Args:
         robot: The arm.

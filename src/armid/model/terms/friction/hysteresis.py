@@ -18,14 +18,17 @@ from armid.model.terms.term import Law, listed, single_joint_laws
 from armid.robot.robot import Robot
 
 WIDTHS = (0.001, 0.003, 0.01, 0.03, 0.1)
-"""Deflections that the automatic selection tries [rad or m], half a decade apart: from the resolution of encoders to
-a few degrees, where the law begins to resemble a spring. A sum of such elements approximates any hysteresis curve."""
+"""Deflections [rad or m] at which the elements slip in the laws that the automatic selection tries, half a decade
+apart. They extend from the resolution of encoders to a few degrees, where the law begins to resemble a spring. A sum
+of such elements approximates any hysteresis curve."""
 
 BETWEEN = (0.002, 0.005, 0.02, 0.05)
-"""Deflections between those of `WIDTHS`, for recordings that show the difference."""
+"""Further deflections at which an element slips, between those of `WIDTHS` [rad or m]. The automatic selection adds
+them only for recordings with enough information to distinguish them."""
 
 FINEST = (0.0014, 0.007, 0.014, 0.035, 0.07)
-"""Deflections between those of `WIDTHS` and `BETWEEN`, which are tried one at a time."""
+"""Further deflections at which an element slips, between those of `WIDTHS` and `BETWEEN` [rad or m]. The automatic
+selection tries them one at a time."""
 
 FAMILY = CandidateFamily("hysteresis", order=10, shared=True, margin=2.5)
 FINER_FAMILY = CandidateFamily("finer hysteresis", order=60, min_gain=0.02)
@@ -33,13 +36,13 @@ FINEST_FAMILY = CandidateFamily("finest hysteresis", order=70, rounds=2, min_gai
 
 
 def _elements(family: CandidateFamily, widths: Sequence[float]) -> tuple[CandidateFamily, Option]:
-    """Option in which a joint gets the hysteresis elements of all given widths together, with its family."""
+    """Family, and its option in which a joint gets the hysteresis elements of all given widths together."""
     return family, tuple(Candidate("hysteresis", width) for width in widths)
 
 
 @dataclass(frozen=True, slots=True)
 class Hysteresis:
-    """Friction with hysteresis in the position: a sum of elements, each a spring that slips.
+    """Friction with hysteresis in the position: a sum of elements, each a spring that slips at a deflection.
 
     Attributes:
         widths: Deflections r_k at which the elements slip, ascending [rad or m].
@@ -65,7 +68,7 @@ class Hysteresis:
         object.__setattr__(self, "widths", require_rising("The widths of hysteresis", self.widths))
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """Laws of FH1, FH2, … (one for each width r) of each joint: (q - z) / r with the hysteresis state z."""
+        """Laws FH_k · (q - z_k) / r_k of each joint, one for each width r_k, with the hysteresis state z_k."""
         laws: list[Law] = []
         for k, width in enumerate(self.widths, 1):
             play = Play(width)

@@ -1,7 +1,7 @@
-"""Viscous friction whose slope changes at knots: τ = Σ FP_k · sgn(q̇) max(|q̇| - v_k, 0), in addition to FV · q̇.
+"""Viscous friction whose slope changes at knots v_k: τ = Σ FP_k · sgn(q̇) max(|q̇| - v_k, 0).
 
-Above knot k the slope is FV + FP1 + … + FPk. It is physically possible if the total friction opposes the motion at
-every speed; a single FP may have either sign.
+It acts in addition to the viscous friction FV · q̇. Above knot k the slope is FV + FP1 + … + FPk. The law is
+physically possible if the total friction opposes the motion at every speed; a single FP may have either sign.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from armid.model.torque_law_expression import maximum, symbol
 from armid.robot.robot import Robot
 
 KNOTS = (0.1, 0.3, 0.6)
-"""Speeds at which the automatic selection lets the slope change [rad/s or m/s]."""
+"""Speeds at which the slope can change in the laws that the automatic selection tries [rad/s or m/s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class PiecewiseViscous:
-    """Friction that is piecewise linear in the speed; below the first knot, only the term `viscous` acts.
+    """Friction that is piecewise linear in the speed, added to viscous friction; zero below the first knot.
 
     Attributes:
         knots: Speeds at which the slope changes, ascending [rad/s or m/s].
@@ -41,7 +41,7 @@ class PiecewiseViscous:
         object.__setattr__(self, "knots", require_rising("The knots of piecewise viscous friction", self.knots))
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """Laws of FP1, FP2, … of each joint, one for each knot v: max(dq - v, 0) - max(-dq - v, 0)."""
+        """Laws FP_k · (max(dq - v_k, 0) - max(-dq - v_k, 0)) of each joint, one for each knot v_k."""
         velocity, units = symbol("dq"), ("N·m·s/rad", "N·s/m")
         laws: list[Law] = []
         for k, knot in enumerate(self.knots, 1):

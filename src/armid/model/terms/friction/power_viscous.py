@@ -18,10 +18,10 @@ from armid.robot.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class PowerViscous:
-    """Friction that grows with a power of the velocity: exponent below 1 for cold grease, above 1 for churned oil.
+    """Friction proportional to a power of the speed, for instance below 1 for cold grease or above 1 for churned oil.
 
-    It is physically possible if the sum with FV · q̇ opposes the motion at every velocity; FW and FV may have either
-    sign.
+    The law is physically possible if its sum with FV · q̇ opposes the motion at every velocity; FW and FV may have
+    either sign.
 
     Attributes:
         exponent: Exponent of the velocity.

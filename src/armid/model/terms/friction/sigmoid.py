@@ -18,16 +18,17 @@ from armid.model.torque_law_expression import derivative, symbol, tanh
 from armid.robot.robot import Robot
 
 SCALES = (0.05, 0.2, 0.5)
-"""Velocity scales that the automatic selection tries [rad/s or m/s]."""
+"""Velocity scales, 2 / slope, that the automatic selection tries [rad/s or m/s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sigmoid:
-    """Coulomb friction with a smooth sign function; if it is shifted, friction is larger in one direction.
+    """Coulomb friction with a smooth sign function; with a shift, the friction is larger in one direction.
 
     Attributes:
-        slope: Slope of the exponent [s/rad or s/m]; without a shift the law is ½ FG · tanh(slope q̇ / 2).
-        shift: Shift of the centre of the sigmoid to negative velocity [rad/s or m/s].
+        slope: Factor on the velocity in the exponent [s/rad or s/m]; without a shift the law is ½ FG · tanh(slope q̇
+            / 2).
+        shift: Distance by which the centre of the sigmoid is shifted to negative velocity [rad/s or m/s].
         joints: Names of the joints with this term; `None` for all joints.
     """
 

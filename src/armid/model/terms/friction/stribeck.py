@@ -17,13 +17,13 @@ from armid.model.torque_law_expression import exponential, magnitude, symbol
 from armid.robot.robot import Robot
 
 VELOCITIES = (0.02, 0.05, 0.1, 0.2, 0.4)
-"""Velocities that the automatic selection tries [rad/s or m/s]: in factors of two, because the residual depends
-little on this velocity."""
+"""Stribeck velocities that the automatic selection tries [rad/s or m/s], each about twice the one before. Finer steps
+are not needed, because the residual depends little on this velocity."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stribeck:
-    """Friction near standstill in addition to Coulomb friction [ArmstrongHelouvry1994].
+    """Friction near standstill that is added to Coulomb friction and decreases with speed [ArmstrongHelouvry1994].
 
     Attributes:
         velocity: Velocity at which the friction of this term has decreased to 1/e [rad/s or m/s].
