@@ -70,7 +70,7 @@ class ConsistentProgram:
         standard: The standard parameters.
         asked: Constraints that the options of the estimator ask for, for instance known masses.
         kind: Kind of prior: `mass`, `log-det`, `euclidean` or `none`.
-        belief: The prior.
+        belief: The prior for weight 1.
         correlation: Number of rows that count as one independent sample.
     """
 

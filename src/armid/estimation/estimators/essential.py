@@ -175,7 +175,7 @@ def _correlation(information: Information, full: Fit, inverse: Array) -> float:
 
 
 def _fit(full: Fit, whole: Information, kept: NDArray[np.intp], cost: float) -> Fit:
-    """Makes the fit in which only the parameters `kept` differ from zero."""
+    """Makes the fit in which only the parameters with the indices `kept` differ from zero."""
     reduced = restrict(whole, kept)
     solution = Solution(reduced, full.weights)
     values = np.zeros(whole.count)

@@ -286,14 +286,15 @@ def _bounds(options: ThesisNLP, standard: StandardParameters, others: NDArray[np
 
 
 MASS, CENTRE, MOMENTS, PRODUCTS = [0], [1, 2, 3], [4, 6, 9], [5, 7, 8]
-"""Positions of the unknowns of a link: mass, centre of mass, moments and products of inertia about it."""
+"""Positions of a link's ten unknowns: mass, centre of mass, and moments and products of inertia about the centre of
+mass."""
 
 
 def _each(option: str, values: Array, count: int) -> Array:
     """Values of an option (count, k) for each link or joint, from one row or from `count` rows.
 
     Raises:
-        EstimationError: There is another number of rows.
+        EstimationError: The number of rows is neither one nor `count`.
     """
     if len(values) not in {1, count}:
         raise EstimationError(
@@ -304,7 +305,7 @@ def _each(option: str, values: Array, count: int) -> Array:
 
 
 def _described(standard: StandardParameters) -> Array:
-    """Bodies of the description, shape (links, 10): mass, centre of mass, and inertia about it.
+    """Bodies of the description, shape (links, 10): mass, centre of mass, and inertia about the centre of mass.
 
     Raises:
         EstimationError: The description does not give every link a mass.

@@ -21,36 +21,39 @@ LOWEST_RATIO = 0.1
 by chance does not outweigh all others."""
 
 LARGE = 0.1
-"""Minimum gain, as a share of the squared error, of an effect that only few folds show, such as slow reversals."""
+"""Minimum gain of a candidate that reduces the error on few folds only, as a share of the squared error. Effects at
+slow reversals, for instance, appear on few folds."""
 
 BEYOND_BEST = 0.02
-"""Minimum gain of such an effect on all folds except the best, as a share of the squared error, so that no fold
-decides alone."""
+"""Minimum gain, on all folds except the best, of a candidate that reduces the error on few folds only, as a share of
+the squared error. Without it, a single fold could decide."""
 
 GAIN_OVER_LOSS = 10.0
-"""Minimum ratio of the gain on all folds except the best to the loss on the other folds. It replaces the standard
-error, which is large for such effects."""
+"""Minimum ratio of gain to loss for a candidate that reduces the error on few folds only: gain on all folds except
+the best, loss on the folds on which the error increases. It replaces the criterion of the standard error, which is as
+large as the gain of such a candidate."""
 
 SHARED_MARGIN = 0.5
-"""Factor by which the margin of a single joint is reduced if the candidate is accepted for the whole arm."""
+"""Factor on the number of standard errors that a gain must exceed, for a joint for which no option is better than the
+option that is accepted for the whole arm."""
 
 OWN_CHOICE_MARGIN = 2.0
 """Number of standard errors by which a joint's best candidate must be better than the candidate chosen for the
 arm."""
 
 REJECTION_MARGIN = 1.0
-"""Number of standard errors by which the error must increase for a candidate to be rejected, if all parameters are
-estimated again without the fold."""
+"""Number of standard errors of the gain: a candidate is rejected if it increases the held-out error by more, when all
+parameters are estimated without the held-out fold."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CandidateGain:
-    """Gain of an option of a family on one joint, with one shrinkage.
+    """Gain of one option of a family of friction laws on one joint, for one value of the shrinkage.
 
     Attributes:
         joint: Index of the joint.
         option: Index of the option in its family.
-        candidates: Candidates of the option.
+        candidates: Friction candidates that the option adds together.
         ridge: Shrinkage of the columns of the candidates, as a share of the squared length of each column.
         gains: Reduction of the joint's squared error on each of the F folds, as a share of its error on all folds,
             shape (F,).
@@ -67,7 +70,7 @@ class CandidateGain:
 
     @property
     def gain(self) -> float:
-        """Reduction of the joint's squared error on all folds, as a share."""
+        """Reduction of the joint's squared error on all folds together, as a share of this error."""
         return float(self.gains.sum())
 
 
@@ -105,8 +108,9 @@ def choose_for_joint(
 
 
 def _is_clear(gains: Array, changes: Array, margin: float, min_gain: float) -> bool:
-    """Tests whether a gain is large enough, and significant compared with its scatter between folds.
+    """Tests whether a gain is above `min_gain`, and significant compared with its scatter between folds.
 
+    The gain is significant if it is more than `margin` standard errors.
     One fold on which the model is very inaccurate may contribute most of the gain and of its scatter. So the gain is
     also significant if the logarithms of the error ratios are significant, or if the error decreases on every fold,
     which happens by chance once in 256 trials of eight folds.
@@ -136,5 +140,5 @@ def error_log_ratios(gains: Array, squares: Array) -> Array:
 
 
 def standard_error(gains: Array) -> float:
-    """Standard error of the sum of gains over the folds."""
+    """Standard error of the sum over the F folds of gains (F,), from their scatter between folds."""
     return float(np.std(gains, ddof=1) * np.sqrt(len(gains)))

@@ -44,7 +44,7 @@ def normalized_innovation(state: RecursiveState, values: Array, new: Information
 def after_a_gap(stats: Innovations) -> Innovations:
     """Statistics of the innovations after a block without rows.
 
-    They are unchanged, except that the next block has no neighbour with which it could be correlated.
+    They stay the same, but the next block counts as uncorrelated with earlier blocks.
     """
     return replace(stats, normalized_innovation=np.zeros_like(stats.level), pull=np.zeros_like(stats.pull))
 

@@ -18,8 +18,8 @@ JUMP = 1000.0
 estimate. It is larger than any real change."""
 
 WHITE = 0.3
-"""Number of blocks with white noise to which the prior of the correlation is equivalent. The prior limits the
-influence of the first blocks."""
+"""Weight of the prior that noise is white, as an equivalent number of blocks with white noise, in the estimate of the
+correlation between rows. The prior limits the influence of the first blocks."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -43,7 +43,7 @@ class PriorInformation:
 
     Attributes:
         precision: Normal matrix of prior and earlier recordings, shape (u, u).
-        certain: Covariance of the estimate caused by rows of known variance, shape (u, u).
+        certain: Covariance of the estimate caused by rows of the prior, whose variance is known, shape (u, u).
         scatter: Covariance of the estimate caused by the noise of earlier recordings, shape (u, u).
         freedom: Degrees of freedom of `scatter`, shape (u,).
         moved: Shift of the estimate by rows near reversals in earlier recordings, shape (u,).

@@ -170,9 +170,10 @@ def _maps(
 
 
 def _continuity_rows(earlier: Information, before: Array, after: Array, changing: NDArray[np.bool_]) -> Array:
-    """Rows of a weak prior on changes of parameters, which has an effect only on changes that data do not determine.
+    """Rows of a weak prior with mean zero on the changes of parameters between earlier and new recordings.
 
-    One standard deviation is a change whose torque is as large as the whole torque of the joints on which it acts.
+    The prior has an effect only on changes that the data do not determine. One standard deviation is a change whose
+    torque is as large as the whole torque of the joints on which it acts.
     """
     A, y = stack(total(earlier))
     length = np.linalg.norm(A, axis=0)
@@ -240,7 +241,7 @@ def _is_definite(precision: Array) -> bool:
 
 
 def _in_estimate_parameters(earlier: Information, names: tuple[str, ...], fit: Fit) -> tuple[Information, Array]:
-    """Factors with the parameters of the earlier estimate, and matrix (b', c) from the unknowns to these."""
+    """Factors in the b' parameters of the earlier estimate, and matrix (b', c) from unknowns to these parameters."""
     with_copies = [name.of_all for name in fit.names if name.recording]
     kept = separate_by_recording(earlier, np.isin(earlier.names, with_copies)) if with_copies else earlier
     selection = np.zeros((len(fit.names), len(names)))

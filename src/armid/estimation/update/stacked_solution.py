@@ -199,7 +199,13 @@ class _Determined:
 
 
 def _restrict_to_determined(linear: Information, prior: Array, weights: Array) -> _Determined:
-    """Changes a problem to coordinates without the directions that neither data nor prior determine."""
+    """Changes the unknowns of a problem to coordinates that data and prior determine.
+
+    Args:
+        linear: Factors in the u unknowns.
+        prior: Whitened rows of the prior in the u unknowns, right-hand side last, shape (k, u + 1).
+        weights: Weight of each joint's rows, shape (n,).
+    """
     A = np.vstack([stack(total(linear), weights)[0], prior[:, :-1]])
     length = unit_columns(A)[1]
     directions = null_directions(A)
