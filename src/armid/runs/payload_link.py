@@ -1,4 +1,4 @@
-"""Link that carries a payload, and the test whether the torque agrees with a load on this link."""
+"""Link that carries a payload, and a test that the measured torque agrees with a load on this link."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def fit_finding(
     own: NDArray[np.bool_],
     known: Array | None,
 ) -> tuple[PayloadMisfit, Finding | None]:
-    """Tests whether a load on the given link explains the new recordings; otherwise a finding names a better link.
+    """Tests whether a load on the given link explains the new recordings; if not, a finding names a better link.
 
     Args:
         new_recordings: The recordings with the payload.
@@ -75,7 +75,8 @@ def fit_finding(
         known: Known parameters of the payload, NaN for unknown ones, shape (10,); `None` if all are unknown.
 
     Returns:
-        The misfit with a load on that link, and the finding, if it is significant.
+        The misfit with a load on that link, and the finding; `None` instead of the finding if the misfit is not
+        significant.
     """
     run, new = new_recordings.run, new_recordings.new
     alone = whiten(new)

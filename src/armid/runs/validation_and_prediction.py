@@ -67,11 +67,13 @@ def validate_run(
 
 
 def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -> tuple[Motion, tuple[Finding, ...]]:
-    """Motion of a plan, of a file for a controller, or of a recording as the run processes it, and findings on it.
+    """Motion of a plan, of a file for a controller, or of a recording, and the findings about a recording.
+
+    A recording is processed with the options of the run.
 
     Args:
         run: The run.
-        path: Plan or recording.
+        path: Plan, file for a controller, or recording.
         rate: Sample rate of a plan [Hz].
         reading: Fields of the log format that differ from that of the run.
 
