@@ -1,4 +1,6 @@
-"""Monitor that takes one sample at a time, for a running controller.
+"""Monitor that processes one sample at a time, for a running controller.
+
+The monitor is created once and then called for each sample:
 
     live = LiveMonitor(make_monitor(load_run("runs/arm"), false_alarms=1.0), rate=1000.0)
     sample = live.update(q, tau)  # for each sample
