@@ -50,8 +50,8 @@ SLIMMEST = 0.05
 gyration of the links about their joints: bodies of a hobby arm with a size of 70 mm have radii of 5 mm."""
 
 FLAT = 1e-6
-"""Ratio of the smallest second moment of a body to its largest one, or to the smallest accepted one, below which the
-body counts as a body without thickness; a smaller second moment is a rounding error."""
+"""Ratio below which the smallest second moment of a body is a rounding error, so that the body has no thickness. The
+ratio is relative to the largest second moment of the body or to the smallest accepted one, whichever is larger."""
 
 MASS = 10.0
 """Standard deviation of an unknown mass [kg]; it covers the links of all arms with which armid was tested."""

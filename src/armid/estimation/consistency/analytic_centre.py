@@ -122,7 +122,7 @@ def _terms(
 
 
 def _curvature(standard: StandardParameters, belief: Prior, prior: PriorUse, values: Array, basis: Array) -> Array:
-    """Hessian (p, p) of prior and barrier at the centre, in units of one independent sample for each row."""
+    """Hessian (p, p) of prior and barrier at the centre, if each row of the data is one independent sample."""
     result = belief.curvature(standard, values, _weight(prior))
     if prior.kind != "log-det":
         relative = relative_precision(pseudo_inertia(values[standard.inertial]))

@@ -136,7 +136,11 @@ def _eliminate(values: Array, inverse: Array, choose: Choose) -> NDArray[np.intp
 
 
 def _least_sure(ratio: float, most: float) -> Choose:
-    """Rule `pham-gautier`; the elimination also ends when the squared residual has increased by more than `most`."""
+    """Rule `pham-gautier`: drops the parameter with the largest relative deviation.
+
+    The elimination ends when the largest relative deviation is less than `ratio` times the smallest one, or when
+    the squared residual would increase by more than `most`.
+    """
     total = 0.0
 
     def choose(pi: Array, variance: Array) -> int | None:

@@ -166,7 +166,13 @@ class _End:
 
 
 def _descend(search: _Search, point: _Point, evaluations: int) -> _End:
-    """Minimises by damped Gauss-Newton steps [Marquardt1963], none longer than `FARTHEST`."""
+    """Minimises the objective by damped Gauss-Newton steps [Marquardt1963] of at most the length `FARTHEST`.
+
+    Args:
+        search: Residuals as functions of the unknowns.
+        point: Start point.
+        evaluations: Largest number of evaluations.
+    """
     residual = search.residual(point)
     cost, history = 0.5 * float(residual @ residual), [np.inf]
     damping = DAMPING * cost

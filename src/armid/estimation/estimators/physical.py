@@ -42,7 +42,7 @@ explains the torque."""
 
 WEIGHTS = np.logspace(4.0, -1.0, 11)
 """Weights of a prior that are tried, the largest first. The largest one keeps links within about 1 % of the
-description; the smallest one hardly holds them."""
+description; with the smallest one, the description has almost no effect."""
 
 TRIED = 1e-4
 """Difference between the cost and its minimum at which the search ends, if a weight of the prior is only tried."""

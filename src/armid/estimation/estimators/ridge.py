@@ -119,7 +119,7 @@ class Ridge:
         return replace(self, weight=_chosen(problem.information, weighted, self._prior(problem, weighted))[0])
 
     def _prior(self, problem: EstimationProblem, weighted: WhitenedSystem) -> _Prior:
-        """Mean and precision of the base parameters for weight 1."""
+        """Prior of the base parameters for weight 1: mean and covariance."""
         standard = problem.require_standard(self.name)
         towards = self.towards
         if towards == "auto":
@@ -242,9 +242,16 @@ def _fit(weighted: WhitenedSystem, prior: _Prior, weight: float, how: str) -> Fi
 
 
 def _posterior(rows: Array, side: Array, prior: _Prior, weight: float) -> tuple[Array, Array]:
-    """Covariance (b, b) and values (b,) of the estimate with a prior, from the singular values of the whitened rows.
+    """Covariance (b, b) and values (b,) of the estimate with a prior, from a singular value decomposition.
 
-    The parameters are in units of the standard deviations of the prior.
+    For the decomposition, the parameters are scaled so that their prior has unit covariance. The values and the
+    covariance in the result are not scaled.
+
+    Args:
+        rows: Whitened rows, shape (k, b).
+        side: Right-hand side of the whitened rows, shape (k,).
+        prior: The prior.
+        weight: Weight of the prior; 0 for no prior.
     """
     root = root_of(prior.covariance.weighted(weight if weight else 1.0))
     U, sizes, Vt = np.linalg.svd(rows @ root, full_matrices=True)

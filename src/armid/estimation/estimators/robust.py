@@ -194,7 +194,7 @@ class _Passes:
         self.free = 1.0 - problem.information.count / max(float(rows.sum()), problem.information.count + 1.0)
 
     def residual(self, batch: Batch, j: int, values: Array) -> Array:
-        """Residuals (M,) of the M rows of joint j in a batch."""
+        """Residuals of the M rows of joint j in a batch, for parameters `values` (b,), shape (M,) [N·m or N]."""
         layout, recording = self.every.source.layout, self.every.observations.runs[batch.run].recording
         numbers = self._numbers(recording)[layout.parameters[j]]
         a, b = layout.offset[j], layout.offset[j + 1]

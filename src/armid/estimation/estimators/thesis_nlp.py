@@ -324,7 +324,12 @@ def _described(standard: StandardParameters) -> Array:
 
 
 def _around(bodies: Array, option: str) -> tuple[Array, Array]:
-    """Lower and upper bounds of the unknowns of an option around the bodies (links, 10) of the description."""
+    """Lower and upper bounds for an option with the value `description`, around the bodies of the description.
+
+    Args:
+        bodies: Mass, centre of mass, and inertia about the centre of mass of each link, shape (links, 10).
+        option: Name of the option: `mass`, `com`, `moment` or `product`.
+    """
     if option == "com":
         return bodies[:, CENTRE] - REACH, bodies[:, CENTRE] + REACH
     moments = np.maximum(bodies[:, MOMENTS], LEAST_MOMENT)

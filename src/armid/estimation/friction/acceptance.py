@@ -34,8 +34,8 @@ the best, loss on the folds on which the error increases. It replaces the criter
 large as the gain of such a candidate."""
 
 SHARED_MARGIN = 0.5
-"""Factor on the number of standard errors that a gain must exceed, for a joint for which no option is better than the
-option that is accepted for the whole arm."""
+"""Factor on the required number of standard errors of an option's gain on a joint, if the option is already accepted
+for the whole arm."""
 
 OWN_CHOICE_MARGIN = 2.0
 """Number of standard errors by which a joint's best candidate must be better than the candidate chosen for the
@@ -75,7 +75,15 @@ class CandidateGain:
 
 
 def choose_for_arm(family: CandidateFamily, measured: list[CandidateGain]) -> list[CandidateGain] | None:
-    """Chooses the option with the largest sum of gains over all joints; `None` if the gain is not significant."""
+    """Chooses the option with the largest sum of gains over all joints.
+
+    Args:
+        family: Family of friction laws.
+        measured: Gains of all options of the family on all joints.
+
+    Returns:
+        Gains of the chosen option on the joints; `None` if the gain is not significant.
+    """
     groups: dict[tuple[int, float], list[CandidateGain]] = {}
     for each in measured:
         groups.setdefault((each.option, each.ridge), []).append(each)
@@ -90,10 +98,15 @@ def choose_for_arm(family: CandidateFamily, measured: list[CandidateGain]) -> li
 def choose_for_joint(
     family: CandidateFamily, of_joint: list[CandidateGain], shared: list[CandidateGain] | None
 ) -> CandidateGain | None:
-    """Chooses the option of a joint.
+    """Chooses the option of a family for a joint; `None` if no option has a significant gain.
 
     The option of the whole arm is used, unless another option is significantly better on this joint. If no option was
     chosen for the arm, the best option of the joint is used, provided that its gain is significant.
+
+    Args:
+        family: Family of friction laws.
+        of_joint: Gains of all options of the family on this joint.
+        shared: Gains of the option of the whole arm on this joint; `None` or empty if no option was chosen.
     """
     if not of_joint:
         return None
@@ -134,7 +147,12 @@ def _gains_on_few(gains: Array) -> bool:
 
 
 def error_log_ratios(gains: Array, squares: Array) -> Array:
-    """Logarithm of the ratio of squared errors with and without a candidate on each of the F folds, shape (F,)."""
+    """Logarithm of the ratio of squared errors with and without a candidate on each of the F folds, shape (F,).
+
+    Args:
+        gains: Reduction of the squared error by the candidate on each fold, shape (F,).
+        squares: Squared error without the candidate on each fold, shape (F,).
+    """
     share = np.divide(gains, squares, out=np.zeros_like(gains), where=squares > 0.0)
     return np.log(np.maximum(1.0 - share, LOWEST_RATIO))
 

@@ -55,7 +55,7 @@ def friction_families() -> tuple[CandidateFamily, ...]:
 
 
 def choice_of(term: str) -> AutomaticChoice:
-    """Entry of a torque term, given by name, in the automatic selection of friction."""
+    """Properties of a torque term, given by its name, in the automatic selection of friction."""
     choice = automatic_choice(TERMS[term])
     assert choice is not None, f"{term} is no candidate"
     return choice
@@ -244,7 +244,7 @@ def _resolved_share(model: DynamicsModel, candidate: Candidate, observations: Ob
 
 
 def _speeds(model: DynamicsModel, observations: Observations) -> NDArray[np.float64]:
-    """Speed that each joint has reached in its rows, shape (n,) [rad/s or m/s]."""
+    """Speed that each joint has reached in its rows: quantile `SPEED_QUANTILE`, shape (n,) [rad/s or m/s]."""
     result = np.zeros(model.n)
     for j in range(model.n):
         speeds = [np.abs(run.motion.dq[run.rows, j][run.mask[:, j]]) for run in observations.runs]

@@ -361,7 +361,16 @@ class _Search:
         return measured
 
     def _contradicted(self, choice: CandidateGain, strict: Reduced, on_long_folds: Reduced | None) -> bool:
-        """True if an option increases the error on long folds, or with all parameters estimated without the fold."""
+        """True if the gain of an option is not confirmed when all parameters are estimated without the fold.
+
+        The option must not increase the error significantly. An option that depends on the pose must reduce the
+        error, also on long folds.
+
+        Args:
+            choice: Gain of the option, with all other parameters estimated from all data.
+            strict: Products with all parameters estimated without the fold.
+            on_long_folds: Products on long folds for an option that depends on the pose; otherwise `None`.
+        """
         columns = self._columns(choice.joint, choice.candidates)
         gains = strict.gains(choice.joint, columns, choice.ridge)
         if gains is None or any(each.sum() < -REJECTION_MARGIN * standard_error(each) for each in gains):

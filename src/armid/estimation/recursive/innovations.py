@@ -11,8 +11,8 @@ from armid.estimation.recursive.state import Innovations, RecursiveState
 from armid.information.information import Information
 
 CREEP = 2.0
-"""Upper limit of the squared error of a block that shows a sudden change, divided by the usual squared error, when
-the block is included in the average from which the usual error is computed."""
+"""Largest ratio of the squared error of a block to the usual squared error with which a block with a sudden change
+enters the average that gives the usual error; a larger ratio is replaced by this limit."""
 
 
 def normalized_innovation(state: RecursiveState, values: Array, new: Information) -> tuple[Array, Array]:

@@ -25,8 +25,8 @@ from armid.estimation.uncertainty.cross_products_by_frequency import BandProduct
 from armid.maths.linalg import root_of
 
 LOWEST_KNOT_SIZE = 10.0
-"""Number of real numbers of the spectrum below the second of the frequencies at which levels are estimated: just
-enough to estimate the level at the lowest frequency."""
+"""Number of real numbers of the spectrum between the first two frequencies at which noise levels are estimated. It is
+just enough to estimate the level at the first frequency, zero."""
 
 POOLED_DOF = 10.0
 """Degrees of freedom of the prior with which the correlations between joints at one frequency are shrunk towards
@@ -118,7 +118,10 @@ class NoiseModel:
 
     @property
     def multiplicity(self) -> Array:
-        """Number of elements of a covariance matrix that belong to each pair of joints: 1 or 2, shape (pairs,)."""
+        """Number of elements of a covariance matrix for each pair of joints, shape (pairs,).
+
+        It is 1 for a joint paired with itself, and 2 for two different joints.
+        """
         return np.where(np.equal(*self.pairs), 1.0, 2.0)
 
     @staticmethod
@@ -218,7 +221,10 @@ class NoiseModel:
         return levels
 
     def _regularise(self, levels: Array) -> Array:
-        """Makes levels (B, n, n) positive definite, and shrinks correlations towards those over all frequencies."""
+        """Makes the noise covariances of the joints at B frequencies positive definite; shape (B, n, n).
+
+        Correlations between joints are shrunk towards the correlations over all frequencies.
+        """
         variance = np.einsum("ajj->aj", levels)
         mean = np.maximum(variance.mean(axis=0), MIN_LEVEL)
         size = np.sqrt(np.maximum(variance, MIN_LEVEL * mean))

@@ -35,9 +35,9 @@ from armid.measurement.observations import Observations
 FAR = 4.0
 """Ratio U of the variance v of the predicted torque to its mean over the training rows, above which a row counts as
 unlike the training motion. The covariance describes noise; where the motion differs, the error of the model acts on
-the parameters as well. The constants U, P and B were chosen with the recordings of eight arms, each arm predicted
-with constants from the other arms. Without these constants, the intervals of a model from a single recording
-contained 63 % of the rows of one arm, and 30 % of the rows of one of its joints; with them, 91 % and 72 %."""
+the parameters as well. The constants U, P and B were chosen with the recordings of eight arms; each recording was
+predicted by a model without it. Without these constants, the intervals of a model from a single recording contained
+63 % of the rows of one arm, and 30 % of the rows of one of its joints; with them, 91 % and 72 %."""
 
 GROWTH = 0.8
 """Exponent P in the module's formula: additional growth of the variance of the torque error with the variance v."""

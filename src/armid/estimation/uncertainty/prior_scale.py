@@ -69,7 +69,7 @@ def prior_scales(
         links: Parts of the covariance of the base parameters by the prior of the links, shape (parts, b, b).
         others: Covariance of the base parameters by the prior of all other parameters, shape (b, b).
         correlation: Variance of the noise of a whitened row: number of rows that count as one independent sample.
-        expected: Scale that is assumed before the data.
+        expected: Scale that the prior of the scales prefers.
     """
     misfit = rows @ difference
     halves = [rows @ root_of(link) for link in links]

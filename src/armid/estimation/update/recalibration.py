@@ -82,7 +82,13 @@ def recalibrate_fit(
 
 
 def _fit(new: Information, to_new: Array, solved: JointSolution) -> Fit:
-    """Makes the fit of the new base parameters, with the residuals of the new recordings."""
+    """Makes the fit of the new base parameters, with the residuals of the new recordings.
+
+    Args:
+        new: Factors of the new recordings.
+        to_new: Matrix from the unknowns of the stacked problem to the new base parameters, shape (b, c).
+        solved: Solution of the stacked problem.
+    """
     part = np.abs(to_new) / np.abs(to_new).sum(axis=1, keepdims=True)
     values = to_new @ solved.values
     rows, moved = new.rows.sum(axis=0), solved.fit.report.moved

@@ -1,6 +1,6 @@
 """Effect of systematic errors on an estimate: covariance, shift, and findings about errors that matter.
 
-Before the data, only the standard deviations of m errors e are known. The residuals are a second source. Let S be the
+The prior of m errors e is known by their standard deviations. The residuals are a second source. Let S be the
 sensitivity of the estimate to e, and F the information of the residuals about e
 (`armid.estimation.uncertainty.systematic.systematic_errors`). Both sources together give the errors with the mean ê
 and the covariance C. The estimate is not corrected, so its error is S e; the covariance of the estimate contains

@@ -43,12 +43,11 @@ CHUNK = 8192
 """Number of samples whose columns are in memory at a time."""
 
 SAMPLES_OF_DELAY = 0.5
-"""Standard deviation that is assumed for the delay of a joint's torque before the data [samples]. The assignment of
-torques to samples of the motion is known to one sample at best; filters of drives add a delay of the same size."""
+"""Prior standard deviation of the delay of a joint's torque [samples]. The assignment of torques to samples of the
+motion is known to one sample at best; filters of drives add a delay of the same size."""
 
 RISE_DEVIATION = 0.1
-"""Standard deviation that is assumed for the rise of friction near rest before the data, divided by the Coulomb
-friction."""
+"""Prior standard deviation of the rise of friction near rest, divided by the Coulomb friction."""
 
 RISE_SHARE = 0.15
 """Speed v of the law sign(q̇) exp(-(q̇ / v)²) by which friction rises near rest, divided by the RMS speed of the
@@ -63,8 +62,8 @@ MOST_PARTS = 60
 so that the needed memory does not grow."""
 
 PART_SECONDS = 1.0
-"""Smallest length of the parts of the time whose products with the residuals are assumed to be independent [s];
-blocks of rows have the same length."""
+"""Smallest length of the parts into which the time of a run is divided [s]; blocks of rows have the same length. The
+noise in different parts counts as independent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +73,7 @@ class ErrorKind:
     Attributes:
         name: `delay`, `zero`, `rise` or `ripple`.
         joint: Index of the joint.
-        deviation: Standard deviation that is assumed for the error before the data [s, rad or m, N·m or N].
+        deviation: Prior standard deviation of the error [s, rad or m, N·m or N].
         waves: Number of waves in a turn, for ripple.
         phase: Phase of the wave at position zero, for ripple [rad].
     """
