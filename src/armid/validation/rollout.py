@@ -216,7 +216,7 @@ class _Rollout:
         return max(1, math.ceil(rate * self.windows.step * (1.0 - 1e-9)))
 
     def _check_definite(self, mass: Array) -> None:
-        """Ends the simulation of windows whose mass matrix, in `mass` (W, n, n), is not positive definite."""
+        """Ends the simulation of each window whose mass matrix is not positive definite; `mass` is (W, n, n)."""
         positive = np.linalg.eigvalsh(mass)[:, 0] > 0.0
         self.indefinite |= self.alive & ~positive
         self.alive &= positive
@@ -227,7 +227,7 @@ class _Rollout:
             self._step(step)
 
     def _recorded(self, values: Array, step: int) -> Array:
-        """Recorded values (W, S, n) at an integration step, interpolated between two samples, shape (W, n)."""
+        """Interpolates recorded values (W, S, n) between two samples to an integration step; shape (W, n)."""
         k, share = step // self.substeps, step % self.substeps / self.substeps
         return values[:, k] if share == 0.0 else (1.0 - share) * values[:, k] + share * values[:, k + 1]
 
@@ -289,7 +289,7 @@ class _Dynamics:
         self.depends_on_load = any("load" in symbols(law.expression) for _, law in model.laws)
 
     def mass(self, q: Array) -> Array:
-        """Mass matrices (W, n, n) at positions (W, n)."""
+        """Mass matrices of links and rotors at positions (W, n), shape (W, n, n) [kg·m² or kg]."""
         return self.model.mass_matrix(q, self.theta)
 
     def bias(self, q: Array, dq: Array) -> Array:
