@@ -32,7 +32,7 @@ from armid.validation.smallest_mass_matrix import Pose, worst_along, worst_pose
 from armid.validation.thesis_constraints import ROUNDING, Constraint, thesis_constraints
 
 HEAVIEST = 10.0
-"""Default upper bound of the mass of a link in the nearest consistent parameters [kg], for a description without
+"""Default upper bound of the mass of a link in the nearest consistent parameters [kg], if the description gives no
 masses. If only some links of a description have a mass, the default is at least this value."""
 
 HEAVIER = 2.5

@@ -109,7 +109,7 @@ def _module() -> Any:
 
 
 def _pinocchio(model: DynamicsModel) -> tuple[Any, Any]:
-    """Model and data of the arm in Pinocchio."""
+    """Model of the arm and its data structure in Pinocchio."""
     pin = _module()
     arm: Any = pin.Model()
     for i, joint in enumerate(model.robot.joints):

@@ -74,7 +74,7 @@ class Payload:
 
     @property
     def contradictions(self) -> tuple[Check, ...]:
-        """Failed checks about errors in the recordings, which make the result wrong."""
+        """Failed checks for faults of the recordings that make the result wrong."""
         return contradictions(self.findings)
 
 

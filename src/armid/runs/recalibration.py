@@ -163,7 +163,7 @@ def _result(
 
 
 def _study(run: Run) -> Study:
-    """Study of the earlier run, with the earlier run in place of its recordings."""
+    """Study of the earlier run, in which the folder of the run replaces the recordings."""
     path = Path(run.folder) / "study.json"
     try:
         record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
@@ -182,7 +182,13 @@ def _study(run: Run) -> Study:
 
 
 def _assumption_findings(new_recordings: NewRecordings, result: Result, changed: Changed) -> list[Finding]:
-    """Findings about the assumption that only the parameters that are estimated again have changed."""
+    """Findings if the data contradict the assumption that only the parameters that are estimated again have changed.
+
+    Args:
+        new_recordings: The new recordings and the earlier run.
+        result: Result of the recalibration.
+        changed: Set of the parameters that were estimated again.
+    """
     found: list[Finding] = []
     new = np.sqrt(np.mean([score.rms**2 for score in result.training[: len(new_recordings.recordings)]], axis=0))
     seen = np.isfinite(new)

@@ -128,7 +128,13 @@ class Watched:
 
 
 def require_rate(expected: float, rate: float, source: str = "The samples") -> None:
-    """Raises an error if a sample rate [Hz] differs from that of the thresholds by more than `RATE_RATIO`."""
+    """Raises an error if a sample rate differs from that of the thresholds by more than the factor `RATE_RATIO`.
+
+    Args:
+        expected: Sample rate for which the thresholds are valid [Hz].
+        rate: Sample rate [Hz].
+        source: Subject of the error message.
+    """
     if not 1.0 / RATE_RATIO <= rate / expected <= RATE_RATIO:
         raise ArmidError(
             f"{source} come at {rate:.5g} Hz, but the thresholds are for {expected:.5g} Hz.",

@@ -75,7 +75,7 @@ class ObserverOptions:
             )
 
     def gain_at(self, rate: float) -> float:
-        """Gain [1/s] at a sample rate [Hz].
+        """Gain K of the observer [1/s] at a sample rate [Hz]: the stated gain, or the default.
 
         Raises:
             ArmidError: The stated gain is too high for the rate.
@@ -112,7 +112,7 @@ class LowPassStage:
 
     @classmethod
     def of(cls, corner: float, rate: float) -> LowPassStage:
-        """Stage with a corner ω [1/s] at a sample rate [Hz]."""
+        """Filter stage with a corner ω [1/s] for a sample rate [Hz]."""
         x = corner / rate
         decay = float(np.exp(-x))
         mean = -float(np.expm1(-x)) / x
@@ -174,7 +174,10 @@ def filtered_motion(options: ObserverOptions, time: Array, rate: float, q: Array
 
 
 def at_middle(motion: Motion) -> Motion:
-    """Motion at the middle of each step, with the difference of the velocities as acceleration; N - 1 samples."""
+    """Motion at the middle of each of the N - 1 steps between N samples.
+
+    The acceleration is the difference of the velocities at both ends of the step, divided by its duration.
+    """
     step = np.diff(motion.time)[:, None]
     q, dq = (0.5 * (x[1:] + x[:-1]) for x in (motion.q, motion.dq))
     return Motion(motion.time[1:], q, dq, np.diff(motion.dq, axis=0) / step)

@@ -192,7 +192,7 @@ def smallest_rate(tails: Sequence[Tail | None]) -> float:
 
 
 def residual_covariance(unseen: Sequence[Observed]) -> Array:
-    """Second moments (n, n) of the residuals of the joints on unseen motion."""
+    """Mean products of the residuals of two joints on unseen motion, shape (n, n) [(N·m)² or N²]."""
     rows = np.concatenate([each.external[each.usable.all(axis=1)] for each in unseen])
     return rows.T @ rows / max(len(rows), 1)
 
