@@ -203,12 +203,16 @@ def scale_deviations(
 
 
 def _groups(wide: Information, values: Array, weights: Array, inverse: Array) -> Groups | None:
-    """Group of neighbouring blocks to which each block belongs, shape (blocks,).
+    """Group of neighbouring blocks to which each block belongs, shape (blocks,), for the jackknife.
 
-    The groups are enlarged until they are uncorrelated or only few remain.
+    The groups are enlarged until they are uncorrelated or only few remain. The result is `None` if the recording has
+    fewer than `FEWEST_BLOCKS` groups, since the jackknife leaves out one group at a time.
 
-    The result is `None` if the recording has fewer than `FEWEST_BLOCKS` groups, since the jackknife leaves out one
-    group at a time.
+    Args:
+        wide: Information about parameters and torque scales, block by block.
+        values: Parameters and scales.
+        weights: Weight of the rows of each joint, shape (n,).
+        inverse: Inverse of the weighted normal matrix.
     """
     own = wide.recording == 1
     per_group, groups = 1, group_blocks(wide)

@@ -194,7 +194,14 @@ def _parts_of_each(information: Information, rows: Array, count: int) -> NDArray
 
 
 def _trains(information: Information, recording: NDArray[np.bool_], fold: NDArray[np.int64], parts: int) -> bool:
-    """True if a recording has a part in every fold, and rows of each joint remain when any one part is left out."""
+    """True if a recording has a part in every fold, and rows of each joint remain when any one part is left out.
+
+    Args:
+        information: All blocks.
+        recording: Mask of the blocks of the recording, shape (blocks,).
+        fold: Fold of each block, shape (blocks,).
+        parts: Number of folds.
+    """
     if len(np.unique(fold[recording])) < parts:
         return False
     seen = information.rows[recording].any(axis=0)

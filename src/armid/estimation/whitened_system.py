@@ -177,6 +177,12 @@ def _correlation(information: Information, weights: Array, values: Array, half: 
     Residuals that are correlated over many rows increase the variance of the gradients. The number of blocks is
     small, and the estimate was computed from the same blocks, so the result is more often too small than too large.
     It is used only as the unit of the weight of a prior.
+
+    Args:
+        information: Factors of the blocks.
+        weights: Weight of each joint's rows, shape (n,).
+        values: Estimate, shape (b,).
+        half: Square root of the pseudo-inverse of the normal matrix, shape (b, k).
     """
     used = np.flatnonzero(information.rows.any(axis=1))
     if len(used) < 4:

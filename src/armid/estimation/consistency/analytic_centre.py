@@ -102,7 +102,15 @@ def _terms(
 ) -> tuple[LogDet, ...]:
     """Barriers that keep pseudo-inertias definite and nonnegative parameters positive.
 
-    They are functions of the change of the x unknowns from the estimate `values`.
+    They are functions of the change of the x unknowns from the estimate.
+
+    Args:
+        standard: The standard parameters.
+        belief: The prior for weight 1.
+        prior: Kind and weight of the prior in the estimate.
+        correlation: Number of rows that count as one independent sample.
+        values: The estimate, shape (p,).
+        basis: Derivative of the parameters by the unknowns, shape (p, x).
     """
     terms: list[LogDet] = []
     if prior.kind == "log-det":
@@ -122,7 +130,15 @@ def _terms(
 
 
 def _curvature(standard: StandardParameters, belief: Prior, prior: PriorUse, values: Array, basis: Array) -> Array:
-    """Hessian (p, p) of prior and barrier at the centre, if each row of the data is one independent sample."""
+    """Hessian of prior and barrier at the centre, if each row of the data is one independent sample, shape (p, p).
+
+    Args:
+        standard: The standard parameters.
+        belief: The prior for weight 1.
+        prior: Kind and weight of the prior in the estimate.
+        values: Standard parameters at the centre, shape (p,).
+        basis: Derivative of the parameters by the x unknowns, shape (p, x).
+    """
     result = belief.curvature(standard, values, _weight(prior))
     if prior.kind != "log-det":
         relative = relative_precision(pseudo_inertia(values[standard.inertial]))

@@ -153,7 +153,15 @@ def _starts(A: Array, y: Array, precision: Array) -> list[tuple[Array, list[floa
 def _change(
     feasible: Feasible, A: Array, y: Array, cost: Array, near: Array, size: Array | None
 ) -> tuple[Array, float]:
-    """Minimises ½ |A d - y|² + costᵀ d over the change d (x,) from a point `near`.
+    """Minimises ½ |A d - y|² + costᵀ d over the change d (x,) from a point, so that point + d lies in the cones.
+
+    Args:
+        feasible: Feasible set, which contains the cones.
+        A: Matrix of the least-squares problem, shape (rows, x).
+        y: Right-hand side, shape (rows,).
+        cost: Linear cost, shape (x,).
+        near: The point, shape (x,).
+        size: Units of the unknowns for the solver, shape (x,); one if `None`.
 
     Returns:
         The change d, and an upper bound of the difference between the objective at d and its minimum.

@@ -179,7 +179,14 @@ def _correlation(information: Information, full: Fit, inverse: Array) -> float:
 
 
 def _fit(full: Fit, whole: Information, kept: NDArray[np.intp], cost: float) -> Fit:
-    """Makes the fit in which only the parameters with the indices `kept` differ from zero."""
+    """Makes the fit in which only some parameters differ from zero.
+
+    Args:
+        full: Fit of all parameters.
+        whole: Factors of all rows, one block.
+        kept: Indices of the parameters that differ from zero, shape (k,).
+        cost: Weighted sum of squared residuals of the fit of all parameters.
+    """
     reduced = restrict(whole, kept)
     solution = Solution(reduced, full.weights)
     values = np.zeros(whole.count)
@@ -201,7 +208,14 @@ def _fit(full: Fit, whole: Information, kept: NDArray[np.intp], cost: float) -> 
 
 
 def _finding(dropped: tuple[str, ...], count: int, rise: float, ratio: float) -> Finding:
-    """Finding that names the dropped parameters and the increase of the residual."""
+    """Finding that names the dropped parameters and the increase of the residual.
+
+    Args:
+        dropped: Names of the dropped parameters.
+        count: Number of all parameters.
+        rise: Relative increase of the weighted residual.
+        ratio: Ratio of the largest to the smallest relative deviation of the remaining parameters.
+    """
     names = f": {', '.join(dropped)}" if dropped else ""
     return Finding(
         "parameters-dropped",

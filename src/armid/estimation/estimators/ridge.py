@@ -264,7 +264,15 @@ def _posterior(rows: Array, side: Array, prior: _Prior, weight: float) -> tuple[
 
 
 def _findings(names: tuple[str, ...], towards: str, weight: float, how: str, share: Array) -> list[Finding]:
-    """Findings about the weight of the prior, and about parameters that depend more on the prior than on the data."""
+    """Findings about the weight of the prior, and about parameters that depend more on the prior than on the data.
+
+    Args:
+        names: Names of the parameters.
+        towards: Mean of the prior: `nominal` or `zero`.
+        weight: Weight of the prior.
+        how: Text that says how the weight was found.
+        share: Share of each parameter's value that comes from the prior, shape (b,).
+    """
     mean = "the description" if towards == "nominal" else "zero"
     findings = [weight_finding(f"prior towards {mean}", weight, how)]
     dominated = [name for name, part in zip(names, share, strict=True) if part > DOMINATED]

@@ -198,7 +198,15 @@ class HeldOutFolds:
     def _joint_products(
         self, part: Information, joint: int, columns: NDArray[np.intp], kept: NDArray[np.intp], E: Array
     ) -> Array:
-        """Products of a joint's candidate columns and torque in a fold, after elimination of the model's columns."""
+        """Products of a joint's candidate columns and torque in a fold, after elimination of the model's columns.
+
+        Args:
+            part: Information of the fold.
+            joint: Index of the joint.
+            columns: Positions of the joint's candidate columns.
+            kept: Positions of the model's columns.
+            E: Coefficients with which the model's columns fit these columns and the torque (last).
+        """
         factors = part.joints[joint]
         number = np.full(part.count, -1, dtype=np.intp)
         number[factors.parameters] = np.arange(len(factors.parameters))

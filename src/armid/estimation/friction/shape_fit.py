@@ -81,7 +81,15 @@ def refine_shapes(
 def _step(
     path: SelectionPath, extend: ExtendModel, prior: GainPrior, weights: Array, joints: int
 ) -> tuple[float, dict[tuple[int, Candidate], float]]:
-    """Weighted sum of squared residuals, prior included, and Gauss-Newton step of the logarithm of each shape."""
+    """Weighted sum of squared residuals, prior included, and Gauss-Newton step of the logarithm of each shape.
+
+    Args:
+        path: The selection with the present shapes.
+        extend: Function that extends the model by candidates.
+        prior: Prior on the parameters of the model without candidates.
+        weights: Weight of each joint's rows, shape (n,).
+        joints: Number of joints.
+    """
     chosen = path.chosen(joints)
     slopes = [
         frozenset(replace(candidate, slope=True) for candidate in laws if choice_of(candidate.term).log_slope)

@@ -273,7 +273,14 @@ def _gather_run(
     places: list[NDArray[np.intp]],
     widths: list[int],
 ) -> Iterator[GatheredBands]:
-    """Yields the averaged rows of one run, segment by segment, or folded into one period if the motion repeats."""
+    """Yields the averaged rows of one run, segment by segment, or folded into one period if the motion repeats.
+
+    Args:
+        run: The run.
+        chunks: Index of the first row, columns of each joint and residuals of consecutive rows.
+        places: Rows of `GatheredBands.columns` that belong to each joint's columns.
+        widths: Number of columns of each joint.
+    """
     averaging = _averaging(run)
     segments, folded = _segments(run, averaging)
     rate = run.rate / (run.step * averaging)

@@ -202,7 +202,8 @@ class NoiseModel:
     def _cross_leverage(self) -> Array:
         """Traces tr(E_a E_c Q) + tr(E_c E_a Q), shape (levels, levels), with Q = X̃ H⁻¹ X̃ᵀ.
 
-        The symbols are those of `NoiseModel`.
+        They are the part of the coefficients tr(E_a M E_c M) that is linear in Q = 1 - M, with opposite sign; the
+        symbols are those of `NoiseModel`.
         """
         B, P, n = len(self.basis), len(self.pairs[0]), self.bands.n
         weighted = np.einsum("ae,ce,ejk->acjk", self.basis, self.basis, self.leverage, optimize=True)

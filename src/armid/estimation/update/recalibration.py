@@ -114,6 +114,14 @@ def _changes(
     If a parameter has separate values in earlier and new recordings, the standard deviation of the difference follows
     from the common solution of all recordings. If a parameter has one common value, the earlier and the new estimate
     are compared as if they were independent.
+
+    Args:
+        names: Names of the base parameters.
+        fit: The earlier estimate.
+        estimate: The new estimate.
+        difference: Matrix from the unknowns of the common solution to the changes, zero for common parameters, shape
+            (b, c).
+        solved: The common solution.
     """
     before = collapse(names, fit)
     earlier = np.array([[name == copy.of_all for copy in fit.names] for name in names], dtype=np.float64)
@@ -137,6 +145,12 @@ def _shifted(earlier: Information, unknowns: tuple[str, ...], values: Array, sol
 
     The residuals of the factors stay the same. Therefore least squares on the shifted factors and the factors of the
     new recordings gives the new values.
+
+    Args:
+        earlier: Factors of the earlier recordings.
+        unknowns: Names of the c unknowns of the common solution.
+        values: New values of the parameters of the factors.
+        solution: Common solution, shape (c,).
     """
     position = {name: k for k, name in enumerate(unknowns)}
     joints = [np.array(joint.R) for joint in earlier.joints]

@@ -267,7 +267,16 @@ def _error_columns(
     parameters: Sequence[NDArray[np.int64]],
     values: Array,
 ) -> Array:
-    """Change of each joint's torque by one unit of each of m errors, on the output grid, shape (M, n, m)."""
+    """Change of each joint's torque by one unit of each of m errors, on the output grid, shape (M, n, m).
+
+    Args:
+        source: Layout of the columns.
+        run: The run.
+        band: Low-pass filter of the columns.
+        kinds: The m errors.
+        parameters: Indices of the parameters of each joint's columns.
+        values: Parameters of each joint's torque, shape (n, c).
+    """
     M, n = run.mask.shape
     result = np.zeros((M, n, len(kinds)))
     names = {kind.name for kind in kinds}
