@@ -177,7 +177,13 @@ def score(
 ) -> Score:
     """Compares the torque of an estimate with the measured torque of a recording.
 
-    If `prediction` is not given, it is computed.
+    Args:
+        model: Arm and torque terms of the estimate.
+        estimate: The estimate.
+        observations: The processed recording.
+        path: Path of the recording, for the result.
+        sha256: Digest of the recording, for the result.
+        prediction: Predicted torque along the recording; computed if not given.
     """
     prediction = prediction or predict_recording(model, estimate, observations)
     found = _together(prediction.runs)
