@@ -82,6 +82,13 @@ def _result(
 
     The two run alternately, so that other load of the machine affects both equally. A program that takes seconds runs
     fewer times than armid, because times of milliseconds are disturbed more easily.
+
+    Args:
+        name: Name of the benchmark.
+        peer: Name of the other program.
+        armid: Function that runs the task with armid.
+        other: Function that runs the task with the other program.
+        rounds: Number of runs of the other program.
     """
     mine: list[float] = []
     theirs: list[float] = []

@@ -109,7 +109,16 @@ def _finding(
     best: str | None,
     better: PayloadMisfit | None,
 ) -> Finding:
-    """Finding that a load on the given link does not explain the torque, with a better link if there is one."""
+    """Finding that a load on the given link does not explain the torque, with a better link if there is one.
+
+    Args:
+        new_recordings: The recordings with the payload.
+        place: Link that carries the payload according to the user.
+        own: Mask of the base parameters with separate values in the new recordings, shape (b,).
+        found: Misfit with a load on this link.
+        best: Name of the link with the smallest misfit; `None` if there is no better link.
+        better: Misfit with a load on the link `best`; `None` if there is no better link.
+    """
     joints = np.flatnonzero(found.significant)
     ratio = found.residual[joints] / found.alone[joints]
     times = f"{ratio.min():.1f}" if ratio.max() - ratio.min() < 0.05 else f"{ratio.min():.1f} to {ratio.max():.1f}"

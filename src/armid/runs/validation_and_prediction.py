@@ -116,7 +116,14 @@ def band(run: Run, motion: Motion) -> Array:
 def write_torque(
     path: Path | str, motion: Motion, torque: Array, joints: Sequence[str], *, band: Array | None = None
 ) -> Path:
-    """Writes time, torque and, if given, half widths of intervals, as CSV or NPZ; the suffix decides.
+    """Writes time, torque and, if given, half widths of intervals to a CSV or NPZ file; the suffix decides.
+
+    Args:
+        path: The file.
+        motion: Motion with the N times.
+        torque: Joint torque, shape (N, n) [N·m or N].
+        joints: Names of the joints.
+        band: Half width of the prediction interval, shape (N, n) [N·m or N].
 
     Raises:
         ArmidError: The suffix is neither `.csv` nor `.npz`.
