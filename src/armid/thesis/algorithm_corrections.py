@@ -252,7 +252,10 @@ def _bodies(rows: _Rows, *estimates: Fitted) -> list[Fitted]:
 
 
 def _spread(setting: Setting, tell: Callable[[float], None]) -> Spread:
-    """Runs the main steps with both signs of gravity, for one seed of the noise after another."""
+    """Runs the main steps with both signs of gravity, for each of several seeds of the noise.
+
+    `tell` is called with the share of the work that is done, from 0 to 1.
+    """
     seeds = setting.extent.seeds
     errors, ratios = np.zeros((2, seeds, 2)), np.zeros((2, seeds))
     for k in range(seeds):

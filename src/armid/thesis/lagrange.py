@@ -104,7 +104,15 @@ def lagrangian_terms(frames: Frames, q: HyperDual, dq: HyperDual, gravity: Array
 
 
 def _beta(velocity: HyperDual, turning: HyperDual, origin: HyperDual, R: HyperDual, gravity: Array) -> HyperDual:
-    """Vector β of one link, shape (..., 10), from linear and angular velocity, origin and rotation of its frame."""
+    """Vector β of equation (2.33) of the thesis for one link, shape (..., 10).
+
+    Args:
+        velocity: Velocity of the origin of the link frame, in the axes of this frame.
+        turning: Angular velocity, in the axes of the link frame.
+        origin: Origin of the link frame, in the base frame.
+        R: Rotation from the link frame to the base frame.
+        gravity: Acceleration of gravity in the base frame, shape (3,) [m/s²].
+    """
     g = constant(gravity)
     mass = _dot(velocity, velocity).times(0.5) + _dot(origin, g)
     first = _cross(velocity, turning) + _apply(_transposed(R), g)  # (v · (ω × r)) = (v × ω) · r

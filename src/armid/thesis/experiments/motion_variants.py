@@ -30,7 +30,7 @@ SLOWER = (1, 2, 4, 8)
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Slower:
-    """Torque errors of an estimate along Table A.2 of the thesis, executed in longer and longer periods.
+    """Torque errors of three estimates along the motion of Table A.2 of the thesis, executed in several periods.
 
     Attributes:
         period: Period [s], shape (k,).
