@@ -345,7 +345,13 @@ def _cost(sides: Information, values: Array, scale: Array, weights: Array) -> fl
 
 
 def _linearised(split: Information, values: Array, scale: Array) -> Information:
-    """Information about parameters and torque scales, linearised at given values; block 1 is the scaled recording."""
+    """Triangular factors for parameters and torque scales as unknowns, linearised at given values of both.
+
+    Args:
+        split: Information of the two sides, or of their blocks; the scaled recording has the number 1.
+        values: Parameters, shape (b,).
+        scale: Torque scale of each joint, shape (n,).
+    """
     names = (*split.names, *(ParameterName(f"scale_{j + 1}") for j in range(split.n)))
     of_recording = split.recording == 1
     joints: list[JointFactors] = []

@@ -34,9 +34,9 @@ rounding error."""
 
 @dataclass(frozen=True, eq=False, slots=True)
 class EarlierErrors:
-    """Errors of an earlier estimate whose information is stacked with new data.
+    """Errors of an earlier estimate: its covariance, and the shift that rows near velocity reversals cause.
 
-    They are its covariance, and the shift of its parameters that rows near velocity reversals cause.
+    The information of the earlier estimate is stacked with new data.
 
     Attributes:
         blocks: Mask of the blocks that belong to the earlier estimate, shape (blocks,).
