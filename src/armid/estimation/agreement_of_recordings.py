@@ -39,17 +39,19 @@ STEPS = 60
 """Largest number of Levenberg-Marquardt steps."""
 
 DAMPING = (1e-4, 1e4)
-"""First and largest damping of the steps, for columns of unit length."""
+"""Initial and largest damping factor of the Levenberg-Marquardt steps, for columns of unit length."""
 
 CONVERGED = 1e-6
-"""Relative decrease of the cost that ends the steps."""
+"""Relative decrease of the cost in one step below which the iteration ends."""
 
 KNOWN = 1e-9
-"""Smallest singular value of the matrix with columns of unit length, divided by the largest, at which its direction
-counts as determined. Also the smallest ratio of squared noise to squared torque."""
+"""Limit of the ratio of a singular value to the largest one, for columns of unit length: the data determine the
+direction of the singular value if the ratio is above this limit. Also the smallest ratio of squared noise to squared
+torque."""
 
 CORRELATED = 4.0
-"""Smallest number of consecutive rows that count as one independent sample, as for payloads."""
+"""Smallest number of consecutive rows that count as one independent sample; the test of payloads uses the same
+value."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -63,7 +65,7 @@ class Agreement:
         values: Parameters of the common fit, shape (b,).
         weights: Weight of the rows of each joint, one divided by the standard deviation of its noise, shape (n,).
         common: RMS residual of the recording in the common fit, shape (n,) [N·m or N].
-        alone: RMS residual of the fit of the recording alone, shape (n,) [N·m or N].
+        alone: RMS residual of the recording if it is fitted alone, shape (n,) [N·m or N].
         torque: RMS torque of the recording, shape (n,) [N·m or N].
         cost: Weighted sum of squared residuals of both sides in the common fit.
         separate: Weighted sum of squared residuals of both sides if each side is fitted alone.
@@ -81,7 +83,7 @@ class Agreement:
 
     @property
     def excess(self) -> float:
-        """Weighted RMS residual of all joints in the common fit, divided by the RMS residual of `alone`."""
+        """Weighted RMS residual of all joints in the common fit, divided by that of the recording fitted alone."""
         alone = float(np.linalg.norm(self.weights * self.alone))
         return float(np.linalg.norm(self.weights * self.common)) / max(alone, np.finfo(float).tiny)
 
@@ -137,7 +139,7 @@ def compare_recordings(information: Information, own: NDArray[np.bool_]) -> tupl
 
 
 def torque_scales(agreement: Agreement) -> TorqueScales:
-    """Computes the scales of the torques with which a recording agrees best with the other recordings."""
+    """Computes the torque scale of each joint with which a recording agrees best with the other recordings."""
     sides, weights = agreement.sides, agreement.weights
     opposite = -np.ones(sides.n)
     starts = [
@@ -172,7 +174,7 @@ def torque_scales(agreement: Agreement) -> TorqueScales:
 def scale_deviations(
     information: Information, own: NDArray[np.bool_], agreement: Agreement, scales: TorqueScales
 ) -> Array:
-    """Standard deviations of the scales, shape (n,); infinite where a scale is not determined.
+    """Standard deviations of the torque scales of one recording, shape (n,); infinite for undetermined scales.
 
     Args:
         information: Factors of all recordings, block by block.
@@ -201,10 +203,16 @@ def scale_deviations(
 
 
 def _groups(wide: Information, values: Array, weights: Array, inverse: Array) -> Groups | None:
-    """Group of each block, shape (blocks,); groups are enlarged until they are uncorrelated or only few remain.
+    """Group of neighbouring blocks to which each block belongs, shape (blocks,), for the jackknife.
 
-    The result is `None` if the recording has fewer than `FEWEST_BLOCKS` groups, since the jackknife leaves out one
-    group at a time.
+    The groups are enlarged until they are uncorrelated or only few remain. The result is `None` if the recording has
+    fewer than `FEWEST_BLOCKS` groups, since the jackknife leaves out one group at a time.
+
+    Args:
+        wide: Information about parameters and torque scales, block by block.
+        values: Parameters and scales.
+        weights: Weight of the rows of each joint, shape (n,).
+        inverse: Inverse of the weighted normal matrix.
     """
     own = wide.recording == 1
     per_group, groups = 1, group_blocks(wide)
@@ -255,7 +263,7 @@ def _side_by_side(rest: Information, part: Information) -> Information:
 
 
 def _weights(parts: list[Information]) -> Array:
-    """Weights of the joints from the residuals of separate fits of all recordings, shape (n,)."""
+    """Weights of the joints, shape (n,), from the residuals of separate fits of the recordings."""
     torque = np.sum([_squared_torque(part) for part in parts], axis=0)
     rows = np.maximum(np.sum([part.rows.sum(axis=0) for part in parts], axis=0), 1)
     first = 1.0 / np.sqrt(np.where(torque > 0.0, torque / rows, 1.0))
@@ -274,7 +282,7 @@ def _squared_torque(part: Information) -> Array:
 
 
 def _solve(information: Information, weights: Array) -> Array:
-    """Least-squares solution of smallest norm, which also exists where the data do not determine all parameters."""
+    """Weighted least-squares parameters of smallest norm, shape (b,); the data need not determine all of them."""
     A, y = stack(total(information), weights)
     unit, length = unit_columns(A)
     return np.linalg.lstsq(unit, y, rcond=KNOWN)[0] / length
@@ -288,7 +296,7 @@ def _damped_step(A: Array, residual: Array, damping: float) -> Array:
 
 
 def _alone(part: Information, weights: Array) -> tuple[Array, Array]:
-    """Sum of squared residuals and sum of leverages of each joint if only this part is fitted, shape (n,) each."""
+    """Sum of squared residuals and sum of leverages of each joint in a fit of `part` alone, shape (n,) each."""
     squares = held_out_squares(part, _solve(part, weights))
     A, _ = stack(total(part), weights)
     U, size, _ = np.linalg.svd(unit_columns(A)[0], full_matrices=False)
@@ -298,7 +306,7 @@ def _alone(part: Information, weights: Array) -> tuple[Array, Array]:
 
 
 def _first_scales(sides: Information, agreement: Agreement, weights: Array) -> tuple[Array, Array]:
-    """Start values: parameters from a fit of the other recordings, and the scales that follow from these parameters.
+    """Start values of the search: parameters from a fit of the other recordings, and the torque scales for them.
 
     A parameter that the other recordings do not determine is taken from the common fit.
     """
@@ -323,7 +331,7 @@ def _scaled(sides: Information, scale: Array) -> Information:
 
 
 def _squares(sides: Information, values: Array, scale: Array) -> Array:
-    """Sums of squared residuals of each joint, shape (2, n): other recordings, then the recording with scales."""
+    """Sums of squared residuals of each joint, shape (2, n): of the other recordings, and of the scaled recording."""
     squares = np.empty((2, sides.n))
     for j, joint in enumerate(sides.joints):
         predicted = joint.R[:, :, :-1] @ values[joint.parameters]
@@ -337,7 +345,13 @@ def _cost(sides: Information, values: Array, scale: Array, weights: Array) -> fl
 
 
 def _linearised(split: Information, values: Array, scale: Array) -> Information:
-    """Information about parameters and scales, linearised at the given values; block 1 is this recording."""
+    """Triangular factors for parameters and torque scales as unknowns, linearised at given values of both.
+
+    Args:
+        split: Information of the two sides, or of their blocks; the scaled recording has the number 1.
+        values: Parameters, shape (b,).
+        scale: Torque scale of each joint, shape (n,).
+    """
     names = (*split.names, *(ParameterName(f"scale_{j + 1}") for j in range(split.n)))
     of_recording = split.recording == 1
     joints: list[JointFactors] = []

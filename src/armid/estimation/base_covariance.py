@@ -1,4 +1,4 @@
-"""Covariance of the base parameters by a prior of the standard parameters."""
+"""Covariance of the base parameters that follows from a prior of the standard parameters."""
 
 from __future__ import annotations
 
@@ -14,22 +14,27 @@ from armid.maths.linalg import half_of, inverse_of
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BaseCovariance:
-    """Covariance of the b base parameters by a prior, in two parts, because a weight belongs to the bodies alone.
+    """Covariance of the b base parameters that follows from a prior, in two parts.
+
+    The weight of the prior applies only to the part of the bodies.
 
     Attributes:
         bodies: Part of the inertial parameters for weight 1, shape (b, b).
-        others: Part of friction, offsets and rotor inertia, which keep weight 1, shape (b, b).
+        others: Part of friction, offsets and rotor inertia, which always have weight 1, shape (b, b).
     """
 
     bodies: Array
     others: Array
 
     def weighted(self, weight: float) -> Array:
-        """Covariance (b, b) for a positive weight of the bodies."""
+        """Covariance for a positive weight of the prior of the bodies, shape (b, b)."""
         return self.bodies / weight + self.others
 
     def precision(self, weight: float) -> Array:
-        """Inverse of the covariance, shape (b, b); zero for weight 0, which is no prior."""
+        """Inverse of the covariance for a weight of the prior of the bodies, shape (b, b); zero matrix for weight 0.
+
+        Weight 0 means that there is no prior.
+        """
         if weight == 0.0:
             return np.zeros_like(self.bodies)
         precision = inverse_of(self.weighted(weight))
@@ -37,7 +42,7 @@ class BaseCovariance:
 
 
 def base_covariance(prior: Prior, standard: StandardParameters) -> BaseCovariance:
-    """Covariance of the base parameters of some standard parameters by a prior."""
+    """Covariance of the base parameters that follows from a prior of the standard parameters."""
     inertial = np.zeros(len(standard.names), dtype=np.bool_)
     inertial[standard.inertial] = True
     bodies, others = (
@@ -48,7 +53,7 @@ def base_covariance(prior: Prior, standard: StandardParameters) -> BaseCovarianc
 
 
 def project_covariance(precision: Array, regrouping: Array) -> Array:
-    """Covariance of the base parameters by the prior, L P⁻¹ Lᵀ, shape (b, b).
+    """Covariance L P⁻¹ Lᵀ of the base parameters that follows from the precision P of a prior, shape (b, b).
 
     Args:
         precision: Precision P of the x unknowns, positive definite, shape (x, x).

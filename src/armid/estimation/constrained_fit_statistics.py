@@ -40,24 +40,24 @@ from armid.maths.median import median
 from armid.remedy import Remedy, setting
 
 PRICE = 0.05
-"""Relative increase of the squared residual by prior and constraints from which the increase is reported. Noise
-causes far less than 0.01."""
+"""Relative increase of the squared residual by prior and constraints above which a finding reports the increase.
+Noise causes far less than 0.01."""
 
 PUSHED = 2.0
-"""Distance between the estimate of a parameter and the value that fits the data best, in standard deviations, from
-which the parameter is reported."""
+"""Distance between the estimate of a parameter and the value that fits the data best, in standard deviations, above
+which a finding names the parameter."""
 
 AT_BOUND = 1e-3
 """Distance from a bound, in standard deviations, below which a parameter counts as at the bound."""
 
 NAMED = 0.01
-"""Component of a parameter in an undetermined direction from which the finding names the parameter, in units in which
-the columns have unit length."""
+"""Component of an undetermined direction above which the finding names the parameter of this component; parameters
+are scaled so that the columns have unit length."""
 
 REMEDY = Remedy("use ", setting("method", "physical"), " for simulation or export.")
 
 PHYSICAL = -1e-9
-"""Smallest eigenvalue of a pseudo-inertia that counts as zero within rounding [kg and kg·m²]."""
+"""Most negative eigenvalue of a pseudo-inertia that counts as a rounding error of zero [kg and kg·m²]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -111,8 +111,7 @@ class _Held:
     Attributes:
         at_zero: Parameters at the bound zero.
         at_limit: Parameters at a limit that the study sets.
-        inside: Parameters between all bounds whose values are affected by the prior or by the consistency of the
-            body.
+        inside: Parameters that are at no bound, whose values the prior or the consistency of the body holds away.
     """
 
     at_zero: NDArray[np.bool_]
@@ -184,7 +183,10 @@ def _prior_precision(estimate: PhysicalEstimate) -> Array:
 
 
 def _prior_excess(estimate: PhysicalEstimate) -> Array | None:
-    """Covariance (p, p) by which links are further from the description than the prior says; `None` if not judged."""
+    """Covariance (p, p) that is added to that of the prior, because links differ more from the description.
+
+    The result is `None` if the prior does not determine all parameters, or if constraints reduce the unknowns.
+    """
     if not estimate.is_informed or estimate.is_reduced:
         return None
     standard, data, prior = estimate.standard, estimate.weighted, estimate.prior
@@ -208,7 +210,13 @@ def _prior_excess(estimate: PhysicalEstimate) -> Array | None:
 
 
 def _left_over(share: Array, regrouping: Array, excess: Array) -> Array:
-    """Part of a covariance (p, p) of standard parameters that does not follow from the base parameters, (p, p)."""
+    """Part of a covariance of the standard parameters in directions that do not change the base parameters, (p, p).
+
+    Args:
+        share: Derivative of the standard parameters by the base parameters, shape (p, b).
+        regrouping: Matrix from standard to base parameters, shape (b, p).
+        excess: The covariance, shape (p, p).
+    """
     left = np.eye(len(share)) - share @ regrouping
     return left @ excess @ left.T
 
@@ -222,7 +230,7 @@ def _centre(estimate: PhysicalEstimate, lowest_eigenvalue: float) -> AnalyticCen
 
 
 def _base_precision(estimate: PhysicalEstimate, precision: Array) -> Array:
-    """Precision (b, b) of the base parameters by prior and cone, from the precision (x, x) of the unknowns."""
+    """Precision of the base parameters that prior and cone give, shape (b, b), from that of the unknowns (x, x)."""
     covariance = project_covariance(precision, estimate.standard.regrouping @ estimate.basis)
     if not estimate.is_reduced:
         return inverse_of(covariance)
@@ -233,7 +241,7 @@ def _base_precision(estimate: PhysicalEstimate, precision: Array) -> Array:
 
 
 def _cone_shift(estimate: PhysicalEstimate, prior: Array) -> ConeShift | None:
-    """Effect of the cone beside a Gaussian prior of precision `prior` (x, x); `None` for other priors."""
+    """Effect of the cone in addition to a Gaussian prior of precision `prior` (x, x); `None` for other priors."""
     if estimate.use.kind != "euclidean" or estimate.is_reduced:
         return None
     rows, precision = estimate.weighted.rows, _base_precision(estimate, prior)
@@ -253,7 +261,15 @@ def _bounded(standard: StandardParameters) -> Array:
 def _standard_fit(
     estimate: PhysicalEstimate, prior: Array, eigenvalues: Array, price: float, lift: StandardMap
 ) -> tuple[StandardFit, _Held]:
-    """Makes the fit of the standard parameters: status, and share of each value that the data determine."""
+    """Makes the fit of the standard parameters, and the masks of the parameters that are held away from the best fit.
+
+    Args:
+        estimate: The estimate.
+        prior: Precision of the prior, shape (x, x).
+        eigenvalues: Smallest eigenvalue of each link's pseudo-inertia, shape (links,).
+        price: Relative increase of the squared residual by prior and constraints.
+        lift: Map from the covariance of the base parameters to that of the standard parameters.
+    """
     standard, data, values, basis = estimate.standard, estimate.weighted, estimate.values, estimate.basis
     columns = data.rows @ standard.regrouping @ basis
     covariance, share = shares(columns.T @ columns, prior)
@@ -312,7 +328,14 @@ def _limited(estimate: PhysicalEstimate, deviation: Array) -> NDArray[np.bool_]:
 
 
 def _findings(estimate: PhysicalEstimate, eigenvalues: Array, price: float, held: _Held) -> list[Finding]:
-    """Findings about inconsistent bodies, the weight of the prior, undetermined parameters, and held parameters."""
+    """Findings about inconsistent bodies, the weight of the prior, undetermined parameters, and held parameters.
+
+    Args:
+        estimate: The estimate.
+        eigenvalues: Smallest eigenvalue of each link's pseudo-inertia, shape (links,).
+        price: Relative increase of the squared residual by prior and constraints.
+        held: Masks of the parameters that are held away from the values that fit the data best.
+    """
     standard, data, use = estimate.standard, estimate.weighted, estimate.use
     findings: list[Finding] = []
     for own, smallest in zip(standard.inertial, eigenvalues, strict=True):

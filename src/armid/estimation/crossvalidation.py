@@ -100,7 +100,9 @@ def split(information: Information, fold: NDArray[np.int64]) -> tuple[Fold, ...]
 
 
 def training_information(information: Information, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Mask of the blocks next to left-out blocks in the same run; filter and pose correlate these neighbours.
+    """Mask of the blocks that are next to a left-out block in the same run, and not left out themselves.
+
+    Filter and pose correlate these blocks with the left-out blocks, so the fit does not use them.
 
     Args:
         information: Blocks in their order.
@@ -114,7 +116,7 @@ def training_information(information: Information, chosen: NDArray[np.bool_]) ->
 
 
 def held_out_squares(held_out: Information, values: Array) -> Array:
-    """Sum of the squared residuals of each joint for given parameters (b,), shape (n,) [(N·m)² or N²]."""
+    """Sum of squared residuals of each joint in held-out blocks, shape (n,) [(N·m)² or N²], for parameters (b,)."""
     squares = np.empty(held_out.n)
     for j, joint in enumerate(held_out.joints):
         residual = joint.R[:, :, -1] - joint.R[:, :, :-1] @ values[joint.parameters]
@@ -192,7 +194,14 @@ def _parts_of_each(information: Information, rows: Array, count: int) -> NDArray
 
 
 def _trains(information: Information, recording: NDArray[np.bool_], fold: NDArray[np.int64], parts: int) -> bool:
-    """True if a recording has a part in every fold, and rows of each joint remain when any part is left out."""
+    """True if a recording has a part in every fold, and rows of each joint remain when any one part is left out.
+
+    Args:
+        information: All blocks.
+        recording: Mask of the blocks of the recording, shape (blocks,).
+        fold: Fold of each block, shape (blocks,).
+        parts: Number of folds.
+    """
     if len(np.unique(fold[recording])) < parts:
         return False
     seen = information.rows[recording].any(axis=0)
@@ -221,7 +230,7 @@ def _long_runs(run: NDArray[np.int64], rows: Array, count: int) -> list[NDArray[
 
 
 def _consecutive_parts(rows: Array, parts: int) -> NDArray[np.int64]:
-    """Part of each block, if blocks are divided into `parts` consecutive parts with about equal rows."""
+    """Index of the part of each block, if blocks are divided into `parts` parts with about equal numbers of rows."""
     counted = np.flatnonzero(rows)
     if not len(counted):
         return np.zeros(len(rows), dtype=np.int64)

@@ -138,7 +138,7 @@ def torque_parameters(base: BaseParameters, fit: Fit) -> Array:
 
 
 def collapse(names: Sequence[str], fit: Fit | StandardFit) -> Array:
-    """Values of the named parameters in a fit.
+    """Values of the parameters `names` in a fit, shape (names,).
 
     If a parameter has one value for each recording, such as `FV_1[2]` in recording 2, the mean is returned.
     """
@@ -149,7 +149,7 @@ def collapse(names: Sequence[str], fit: Fit | StandardFit) -> Array:
 
 
 def averaged(names: tuple[ParameterName, ...], fit: Fit) -> Fit:
-    """Fit reduced to the named parameters.
+    """Fit reduced to the parameters `names`.
 
     If a parameter has one value for each recording, such as `FV_1[2]` in recording 2, the mean is used.
     """

@@ -28,8 +28,9 @@ class CovarianceReport:
 
     Attributes:
         why: Reason for the kind of the covariance, as text.
-        parts: Number of blocks, periods or frequency bands from which the covariance was computed; 0 for none.
-        whiteness: p-value of the test of whiteness of the residuals; `None` if it was not made.
+        parts: Number of blocks, periods or frequency bands from which the covariance was computed; 0 if it was not
+            computed from such parts.
+        whiteness: p-value of the test of whiteness of the residuals; `None` if this test was not made.
         noise: Standard deviation of the torque of each joint about the model, in the band, shape (n,) [N·m or N]. The
             interval of a measured torque includes this noise in addition to the uncertainty of the parameters. Empty
             if only the residual is known.
@@ -57,7 +58,7 @@ class CovarianceReport:
             object.__setattr__(self, name, array(getattr(self, name), (None, None), name))
 
     def mapped(self, change: Array) -> CovarianceReport:
-        """Report whose parts of the covariance are those of linear functions of the parameters, shape (k, b)."""
+        """Report with parts of the covariance of k linear functions of the b parameters, given by a matrix (k, b)."""
         parts = {name: getattr(self, name) for name in ("by_misfit", "by_systematic")}
         return replace(self, **{name: change @ part @ change.T for name, part in parts.items() if part.size})
 

@@ -154,7 +154,15 @@ def _places(
     separate: NDArray[np.intp],
     copy: int,
 ) -> NDArray[np.int64]:
-    """New indices of the parameters of a joint, for the rows of the recording with the index `copy`."""
+    """New indices of the parameters of a joint, for the rows of one recording, shape (parameters,).
+
+    Args:
+        parameters: Indices of the joint's parameters before the separation.
+        own: Mask of the b parameters of which each recording gets a copy, shape (b,).
+        shared: Indices of the common parameters before the separation.
+        separate: Indices of the copied parameters before the separation.
+        copy: Index of the recording.
+    """
     first = len(shared) + copy * len(separate)
     return np.where(
         own[parameters], first + np.searchsorted(separate, parameters), np.searchsorted(shared, parameters)
@@ -168,6 +176,14 @@ def _parameters(
     separate: NDArray[np.intp],
     copies: int,
 ) -> NDArray[np.int32]:
-    """New indices of the parameters on which rows of a joint depend in at least one recording, in ascending order."""
+    """New indices, in ascending order, of the parameters on which a joint's rows depend in at least one recording.
+
+    Args:
+        parameters: Indices of the joint's parameters before the separation.
+        own: Mask of the b parameters of which each recording gets a copy, shape (b,).
+        shared: Indices of the common parameters before the separation.
+        separate: Indices of the copied parameters before the separation.
+        copies: Number of recordings.
+    """
     places = [_places(parameters, own, shared, separate, copy) for copy in range(copies)]
     return np.unique(np.concatenate(places)).astype(np.int32)

@@ -19,8 +19,8 @@ from armid.information.information import Information, stack, total
 from armid.maths.linalg import condition, null_directions, scaled_condition, unit_columns
 
 NAMED = 0.01
-"""Entry of an undetermined direction, divided by the largest entry of this direction, from which the error names
-the parameter that belongs to the entry. The parameters are scaled to columns of unit length."""
+"""Entry of an undetermined direction, divided by the largest entry of this direction, above which the error message
+names the parameter of the entry. The parameters are scaled to columns of unit length."""
 
 
 class Solution:
@@ -122,7 +122,10 @@ def _require_rank(whole: Information) -> None:
 
 
 def _named(directions: Array, names: Sequence[str]) -> list[str]:
-    """Texts that name undetermined directions (k, b): single parameters, then parameters that cannot be separated."""
+    """Texts that name the parameters of k undetermined directions (k, b).
+
+    Single parameters come first, then groups of parameters that the data cannot separate.
+    """
     touched = sorted(np.flatnonzero(row).tolist() for row in _reduced(directions))
     parts = [[names[k] for k in part] for part in touched]
     alone = [part[0] for part in parts if len(part) == 1]
@@ -131,7 +134,7 @@ def _named(directions: Array, names: Sequence[str]) -> list[str]:
 
 
 def _reduced(directions: Array) -> Array:
-    """Directions that span the same space and have few nonzero entries each: the row echelon form of `directions`."""
+    """Row echelon form of `directions` (k, b): it spans the same space and has few nonzero entries."""
     rows = directions.copy()
     done = 0
     for column in range(rows.shape[1]):

@@ -36,7 +36,10 @@ REMEDY = "identify with --method physical to estimate a body for each link"
 
 
 def _entering() -> NDArray[np.bool_]:
-    """Mask (10, 10): row i marks the parameters M MX MY MZ XX XY YY XZ YZ ZZ in the formula of quantity i."""
+    """Mask (10, 10) whose row i marks the parameters M MX MY MZ XX XY YY XZ YZ ZZ in the formula of quantity i.
+
+    The quantities are `QUANTITIES`.
+    """
     result = np.eye(10, dtype=np.bool_)
     result[1:, 0] = True
     for k, (i, j) in enumerate(INERTIA_INDEX):

@@ -38,8 +38,8 @@ from armid.maths.inertia import (
 )
 
 LENGTH = 0.3
-"""Length with which masses, first moments and inertias of an arm are made comparable [m]: half the length of a
-usual link."""
+"""Length that converts first moments and inertias of an arm to masses, so that they are comparable [m]: half the
+length of a usual link."""
 
 THINNEST = 0.01
 """Smallest radius of gyration about a plane through the centre of mass that is accepted from the description of an
@@ -50,8 +50,8 @@ SLIMMEST = 0.05
 gyration of the links about their joints: bodies of a hobby arm with a size of 70 mm have radii of 5 mm."""
 
 FLAT = 1e-6
-"""Ratio of the smallest second moment of a body to its largest one, or to the smallest accepted one, below which
-the body counts as having no thickness; such a ratio is a rounding error."""
+"""Ratio below which the smallest second moment of a body is a rounding error, so that the body has no thickness. The
+ratio is relative to the largest second moment of the body or to the smallest accepted one, whichever is larger."""
 
 MASS = 10.0
 """Standard deviation of an unknown mass [kg]; it covers the links of all arms with which armid was tested."""
@@ -60,17 +60,17 @@ BODY = com_inertia_to_vector(5.0, np.zeros(3), 0.1 * np.eye(3))
 """Inertial parameters of a physically consistent body, from which a search starts."""
 
 ROOM = 0.1
-"""Value with which a search starts for parameters that cannot be negative, in standard deviations of the prior."""
+"""Start value of parameters that cannot be negative, in standard deviations of the prior."""
 
 HIGHEST = 0.1
 """Largest amount by which an eigenvalue is raised from the boundary of the cone, divided by the trace of a body
 inside the cone; it is used if the slope of the cost is zero."""
 
 INFORMED = ("log-det", "euclidean")
-"""Kinds of prior that hold the links near the description."""
+"""Kinds of prior whose mean is the inertial parameters of the description."""
 
 GIVEN, CHOSEN = "given", "chosen with the friction"
-"""Origins of the weight of a prior: an option of the method, or the selection of friction."""
+"""Texts for the origin of the weight of a prior: an option of the method, or the selection of friction."""
 
 
 def weight_finding(prior: str, weight: float, origin: str) -> Finding:
@@ -87,10 +87,10 @@ def weight_finding(prior: str, weight: float, origin: str) -> Finding:
 
 
 def shrinkage_option(shrinkage: float) -> float:
-    """Option `shrinkage` of an estimator.
+    """Checks the option `shrinkage` of an estimator and returns it.
 
     Raises:
-        EstimationError: It is negative or not finite.
+        EstimationError: The shrinkage is negative or not finite.
     """
     if not 0.0 <= shrinkage < np.inf:
         raise EstimationError(
@@ -101,13 +101,14 @@ def shrinkage_option(shrinkage: float) -> float:
 
 
 OF_WHOLE = 0.05
-"""Share of the squared length of a whole column of added friction that counts in its shrinkage, beside the part that
-the other columns do not explain. Without it, a joint of the LWR4+ was 1.37 times worse than plain least squares on a
-left-out recording (0.93 with it); with 0.15, quadratic friction of a simulated arm was shrunk by a third."""
+"""Share of the squared length of a column of added friction in the unit of its shrinkage, in addition to the squared
+length of the part that the other columns do not explain. Without this share, the error of a joint of the LWR4+ on a
+left-out recording was 1.37 times that of plain least squares (0.93 times with it); with 0.15, quadratic friction of a
+simulated arm was shrunk by a third."""
 
 CLEAR = 1e-3
-"""Smallest singular value, relative to the largest, of a direction of the other columns that counts as determined by
-the data. The prior holds directions that are determined less."""
+"""Smallest ratio of a singular value of the other columns to the largest one with which the data determine the
+direction of the singular value; the prior determines all other directions."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -141,7 +142,7 @@ class Prior:
         return result
 
     def inside(self, standard: StandardParameters) -> Array:
-        """Standard parameters (p,) inside the cone: bodies of the description or `BODY`, and a little friction."""
+        """Standard parameters inside the cone, shape (p,): bodies of the description or `BODY`, and some friction."""
         values = self.mean.copy()
         if not values[standard.inertial].any():
             values[standard.inertial] = BODY
@@ -152,7 +153,7 @@ class Prior:
     def lifted(
         self, standard: StandardParameters, values: Array, pull: Array, weight: float, *, bodies: bool = True
     ) -> Array:
-        """Moves standard parameters (p,) from the boundary of the cone to the inside, as a barrier would do.
+        """Moves standard parameters (p,) from the boundary of the cone into its interior, as a barrier would do.
 
         If a barrier is added to the cost, an eigenvalue that was zero at the minimum becomes about the weight of the
         barrier divided by the slope of the cost.
@@ -203,8 +204,8 @@ def make_prior(kind: str, standard: StandardParameters, weighted: WhitenedSystem
         kind: The kind.
         standard: Standard parameters.
         weighted: The whitened data.
-        shrinkage: Precision of the friction that was added to the model, as a share of the information of its own
-            column.
+        shrinkage: Precision of the friction that was added to the model, as a share of the information of the data
+            about it.
 
     Raises:
         EstimationError: The kind of prior needs masses that the description does not contain.
@@ -248,9 +249,10 @@ def size_of_bodies(standard: StandardParameters) -> Array:
 
 
 def _fill(precision: Array, standard: StandardParameters, mass: float, length: float) -> None:
-    """Sets the precision of the inertial parameters of all links.
+    """Sets the precision of the inertial parameters of all links in the matrix `precision` (p, p).
 
-    The standard deviations are `mass`, `mass` · `length` for first moments, and `mass` · `length`² for inertias.
+    The standard deviations are `mass` for masses, `mass` · `length` for first moments, and `mass` · `length`² for
+    inertias.
     """
     scale = mass * np.concatenate([[1.0], np.full(3, length), np.full(6, length**2)])
     for own in standard.inertial:
@@ -284,7 +286,10 @@ def _others(standard: StandardParameters, weighted: WhitenedSystem, others: NDAr
 
 
 def _own_information(standard: StandardParameters, weighted: WhitenedSystem, added: NDArray[np.intp]) -> Array:
-    """Squared length of the columns of added friction that the other columns do not explain, plus `OF_WHOLE`.
+    """Information of the data about each added friction parameter, in units of which its shrinkage is given.
+
+    It is the squared length of the part of the column that the other columns do not explain, plus `OF_WHOLE` times
+    the squared length of the whole column.
 
     Args:
         standard: Standard parameters.
@@ -368,7 +373,11 @@ def smallest_radius(standard: StandardParameters) -> float:
 
 
 def _without_placeholders(standard: StandardParameters, nominal: Array) -> tuple[Array, tuple[Finding, ...]]:
-    """Inertial parameters (links, 10) in which the lightest real body replaces each body with a placeholder mass."""
+    """Replaces each body with a placeholder mass by the lightest real body.
+
+    Returns:
+        Inertial parameters, shape (links, 10), and findings about the changes.
+    """
     masses = nominal[:, 0]
     empty = standard.placeholders
     if not empty.any():

@@ -21,8 +21,8 @@ from armid.robot import Robot
 from armid.robot.missing_inertia import placeholder_masses
 
 ZERO_ANGLE = 1e-3
-"""Standard deviation of the zero error of a revolute joint if a study does not state it [rad]: what calibrations of
-industrial arms find."""
+"""Standard deviation of the zero error of a revolute joint if a study does not state it [rad]. Calibrations of
+industrial arms find errors of this size."""
 
 ZERO_LENGTH = 5e-4
 """Standard deviation of the zero error of a prismatic joint if a study does not state it [m]: `ZERO_ANGLE` at a
@@ -78,7 +78,7 @@ class StandardParameters:
 
 
 def default_zero_deviation(robot: Robot) -> Array:
-    """Standard deviation of the zero error of each joint's positions if a study does not state it, shape (n,)."""
+    """Standard deviation of the zero error of each joint if a study does not state it, shape (n,) [rad or m]."""
     return np.array([ZERO_LENGTH if joint.is_prismatic else ZERO_ANGLE for joint in robot.joints])
 
 

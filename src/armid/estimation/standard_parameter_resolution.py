@@ -31,20 +31,20 @@ NOT_JUDGED = "that of one sample, because there are too few blocks for cross-val
 cross-validation."""
 
 IDENTIFIED = 0.9
-"""Share of a value that comes from the data, from which the parameter counts as identified. At most a tenth of an
-error of the parameter's own prior then enters the value."""
+"""Smallest share of a parameter's value that must come from the data for the status `identified`. At most a tenth of
+an error of the prior of this parameter then enters the value."""
 
 FROM_NOISE = 0.5
-"""Share of the variance that comes from the noise of the data, from which a parameter counts as identified. Otherwise
-most of it comes from the prior, also from that of other parameters. On an iiwa 14 and a UR10e, the share of
-parameters that counted as identified by `IDENTIFIED` alone was either below 0.43 or above 0.76."""
+"""Smallest share of a parameter's variance that must come from the noise of the data for the status `identified`.
+With a smaller share, most of the variance comes from the prior, also from the prior of other parameters. On an iiwa
+14 and a UR10e, all parameters that fulfil the condition of `IDENTIFIED` had a share below 0.43 or above 0.76."""
 
 SEEN = 1e-9
-"""Ratio of a singular value to the largest, for columns of unit length, from which a combination of base parameters
-counts as dependent on the unknowns."""
+"""Smallest ratio of a singular value to the largest one, for columns of unit length, with which the combination of
+base parameters of this singular value counts as dependent on the unknowns."""
 
 UNSEEN = 0.1
-"""Share of a value that comes from the data, below which the parameter counts as not identifiable: the data have
+"""Share of a parameter's value that comes from the data below which the status is `not identifiable`: the data have
 almost no effect on the value."""
 
 
@@ -101,10 +101,10 @@ class Proof:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ConeShift:
-    """Effect of the cone on b base parameters, beside data and a Gaussian prior.
+    """Effect of the cone on b base parameters, in addition to the effects of the data and of a Gaussian prior.
 
     Attributes:
-        precision: Precision by the prior alone, without the cone, shape (b, b).
+        precision: Precision of the base parameters that the prior alone gives, without the cone, shape (b, b).
         shift: Difference between the estimate and the one without the cone, shape (b,).
     """
 
@@ -124,7 +124,7 @@ class StandardMap:
         shift: Difference between the analytic centre of the feasible set and the estimate, shape (p,).
         base_shift: Difference between the analytic centre and the estimate in base parameters, shape (b,).
         bounded: 1 for parameters that cannot be negative, otherwise 0, shape (p,).
-        cone: Effect of the cone beside a Gaussian prior; `None` without such a prior.
+        cone: Effect of the cone in addition to a Gaussian prior; `None` if there is no such prior.
     """
 
     share: Array
@@ -161,7 +161,7 @@ class StandardFit(Displayed):
         prior: Kind and weight of the prior.
         proof: Certificate of the solution.
         lift: Map from the covariance of the base parameters to covariance and intervals of the standard parameters;
-            `None` if covariance and intervals are final.
+            `None` if covariance and intervals are already final.
     """
 
     names: tuple[ParameterName, ...]
@@ -276,8 +276,8 @@ def stated(fit: StandardFit, scatter: Array, known: Array, freedom: Array) -> St
     Args:
         fit: Estimate of the standard parameters with the map `lift`; without it, the fit is returned unchanged.
         scatter: Covariance of the base parameters that was estimated from residuals, shape (b, b).
-        known: Covariance of the base parameters that is not estimated from residuals: by prior and by torque scales,
-            shape (b, b).
+        known: Covariance of the base parameters that is not estimated from residuals but follows from prior and
+            torque scales, shape (b, b).
         freedom: Degrees of freedom of the scatter of each base parameter, shape (b,).
     """
     own = fit.lift

@@ -59,7 +59,10 @@ class WhitenedSystem:
 
     @property
     def freedom(self) -> float:
-        """Degrees of freedom of the residuals, equal to the sum of their weighted squares except for rounding."""
+        """Degrees of freedom of the residuals.
+
+        With the converged weights, the weighted sum of squared residuals has the same value except for rounding.
+        """
         return max(float(self.whole.rows[0].sum() - self.effective_dof.sum()), 1.0)
 
 
@@ -77,7 +80,7 @@ def whiten(
         plain: True to give all joints the same weight, computed from the residual of all rows, as in ordinary least
             squares.
         resolution: Lower limit of the ratio of noise to torque.
-        noise: Standard deviation of each joint's noise, of which the weights are made without iteration.
+        noise: Standard deviation of each joint's noise, from which the weights are computed without iteration.
 
     Raises:
         EstimationError: No row is in use, the weights do not converge, or `noise` is not one number for each joint.
@@ -119,7 +122,7 @@ def whiten(
 
 
 def _given(noise: Sequence[float], joints: int) -> Array:
-    """Standard deviations that a user or a friction selection gives, shape (n,)."""
+    """Checks standard deviations of the joints' noise that a user or a friction selection gives; shape (n,)."""
     if len(noise) != joints:
         raise EstimationError(
             f"The option `noise` needs one standard deviation for each of the {joints} joints; found {len(noise)}.",
@@ -129,10 +132,10 @@ def _given(noise: Sequence[float], joints: int) -> Array:
 
 
 def noise_option(noise: Sequence[float]) -> tuple[float, ...]:
-    """Option `noise` of an estimator as a tuple.
+    """Checks the option `noise` of an estimator and returns it as a tuple.
 
     Raises:
-        EstimationError: It is no list of positive numbers.
+        EstimationError: The option is no list of positive numbers.
     """
     if not isinstance(noise, list | tuple) or not all(0.0 < each < np.inf for each in noise):
         raise EstimationError(
@@ -143,7 +146,7 @@ def noise_option(noise: Sequence[float]) -> tuple[float, ...]:
 
 
 def rows_of(information: Information, weights: Array) -> tuple[Array, Array]:
-    """Triangular whitened rows (k, b) of all blocks of some information, and their right-hand side (k,)."""
+    """Triangular whitened rows (k, b) of all blocks of `information`, and their right-hand side (k,)."""
     A, y = stack(total(information), weights)
     R: Any = np.linalg.qr(np.column_stack([A, y]), mode="r")[: A.shape[1]]
     return R[:, :-1], R[:, -1]
@@ -174,6 +177,12 @@ def _correlation(information: Information, weights: Array, values: Array, half: 
     Residuals that are correlated over many rows increase the variance of the gradients. The number of blocks is
     small, and the estimate was computed from the same blocks, so the result is more often too small than too large.
     It is used only as the unit of the weight of a prior.
+
+    Args:
+        information: Factors of the blocks.
+        weights: Weight of each joint's rows, shape (n,).
+        values: Estimate, shape (b,).
+        half: Square root of the pseudo-inverse of the normal matrix, shape (b, k).
     """
     used = np.flatnonzero(information.rows.any(axis=1))
     if len(used) < 4:

@@ -1,6 +1,7 @@
 """Callable model of a run: computes torques, matrices, accelerations and regressors of one sample in microseconds.
 
-    model = CallableModel.of(load_run("runs/iiwa")) tau = model.torque(q, dq, ddq)
+    model = CallableModel.of(load_run("runs/iiwa"))
+    tau = model.torque(q, dq, ddq)
 
 The functions are the same as in the generated code and are run by the kernel. A call never changes a model, so
 several threads may use the same model. The hysteresis states of a motion are stored in a separate `CallableMemory`.
@@ -68,7 +69,7 @@ class CallableModel:
             q: Joint positions [rad or m].
             dq: Joint velocities [rad/s or m/s].
             ddq: Joint accelerations [rad/s² or m/s²].
-            memory: Hysteresis states, already updated with this q; needed if the model has hysteresis.
+            memory: Hysteresis states, already updated with these positions q; needed if the model has hysteresis.
 
         Raises:
             ArmidError: A shape is wrong, values are not finite, or the memory is missing.
@@ -77,7 +78,7 @@ class CallableModel:
         return call(q, dq, ddq) if not self.memories else call(q, dq, ddq, self._state(memory))
 
     def gravity(self, q: ArrayLike) -> Array:
-        """Gravity torque, shape (n,) [N·m or N]."""
+        """Gravity torque g(q) of the links at joint positions q (n,) [rad or m], shape (n,) [N·m or N]."""
         return self._calls["gravity_torque"].run(q)
 
     def coriolis(self, q: ArrayLike, dq: ArrayLike) -> Array:
@@ -127,7 +128,11 @@ class CallableModel:
         )
 
     def _checked(self, result: Array) -> Array:
-        """Acceleration from a result that contains the pivots of the mass matrix, which must be positive."""
+        """Acceleration (n,), taken from a result that also contains the pivots of the factorised mass matrix.
+
+        Raises:
+            ArmidError: A pivot is not positive.
+        """
         n = len(self.joints)
         if not (result[n:] > 0.0).all():
             raise ArmidError(

@@ -16,8 +16,8 @@ from armid.robot.robot import Robot
 from armid.runs.run import Run
 
 SAME = 1e-6
-"""Largest difference of placements [m], axes and coefficients at which two arms count as the same. It is not zero,
-because numbers in files are rounded."""
+"""Largest difference of placements [m], joint axes and coefficients with which the geometries of two arms count as
+equal. It is not zero, because numbers in files are rounded."""
 
 
 def estimated_torque(run: Run, robot: Robot) -> EstimatedTorque | None:

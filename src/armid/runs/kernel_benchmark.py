@@ -78,10 +78,17 @@ def measure(samples: int) -> dict[str, Any]:
 def _result(
     name: str, peer: str, armid: Callable[[], object], other: Callable[[], object], rounds: int
 ) -> dict[str, Any]:
-    """Median CPU times of armid and of another program for the same task.
+    """Median CPU times [s] of armid and of another program for the same task, and their ratio.
 
     The two run alternately, so that other load of the machine affects both equally. A program that takes seconds runs
     fewer times than armid, because times of milliseconds are disturbed more easily.
+
+    Args:
+        name: Name of the benchmark.
+        peer: Name of the other program.
+        armid: Function that runs the task with armid.
+        other: Function that runs the task with the other program.
+        rounds: Number of runs of the other program.
     """
     mine: list[float] = []
     theirs: list[float] = []
@@ -97,10 +104,10 @@ def _result(
 
 
 def _module() -> Any:
-    """The module pinocchio.
+    """Imports the module pinocchio and returns it.
 
     Raises:
-        MissingExtraError: It is not installed.
+        MissingExtraError: The module is not installed.
     """
     try:
         return import_module("pinocchio")
@@ -109,7 +116,7 @@ def _module() -> Any:
 
 
 def _pinocchio(model: DynamicsModel) -> tuple[Any, Any]:
-    """Model and data of the arm in Pinocchio."""
+    """Model of the arm and its data structure in Pinocchio."""
     pin = _module()
     arm: Any = pin.Model()
     for i, joint in enumerate(model.robot.joints):
@@ -189,7 +196,7 @@ def _least_squares(model: DynamicsModel, base: BaseParameters, motion: Motion, t
 
 
 def _design_gradient(model: DynamicsModel, base: BaseParameters) -> dict[str, Any]:
-    """Times of value and gradient of the condition number along Table A.1 of the thesis: armid, Pinocchio.
+    """Times of armid and of Pinocchio for value and gradient of the condition number along Table A.1 of the thesis.
 
     For Pinocchio, the time of one value is multiplied by 141, because a gradient by forward differences needs one
     value, and one more for each of the 140 coefficients.

@@ -44,7 +44,7 @@ def read_recording_of(
 
 
 def find_recording(path: str, sha256: str, folder: Path | str, data: Path | str | None = None) -> Path:
-    """Finds a recording of a study: a file with this name and the same bytes.
+    """Finds the file of a recording of a study: a file with the same name and the same digest.
 
     Args:
         path: Path in the study.
@@ -73,7 +73,13 @@ def find_recording(path: str, sha256: str, folder: Path | str, data: Path | str 
 
 
 def _places(path: Path, folder: Path, data: Path | None) -> Iterator[Path]:
-    """Files or folders that may be the recording, the most probable first."""
+    """Yields existing files or folders that may be the recording, the most probable first.
+
+    Args:
+        path: Path in the study.
+        folder: Folder to which the paths of the study are relative.
+        data: Folder that is searched first.
+    """
     likely = [] if data is None else [data / path, data / path.name]
     yield from (place for place in likely if place.exists())
     if data is not None and data.is_dir():

@@ -1,4 +1,4 @@
-"""New recordings of the arm of a run, which are read, processed and reduced to information like those of the run."""
+"""Reading and processing of new recordings of the arm of a run, and computation of their triangular factors."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ class NewRecordings:
     Attributes:
         run: The run.
         base: Base parameters of the run.
-        earlier: Information of the recordings on which the run was trained.
-        new: Information of the new recordings about the same base parameters.
+        earlier: Factors of the recordings on which the run was trained.
+        new: Factors of the new recordings, in the same base parameters.
         samples: Estimation problem of the new recordings, with their samples.
         recordings: The new recordings, processed.
         held_out: New recordings for validation, processed.
@@ -70,7 +70,7 @@ class NewRecordings:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Codes of the findings that make an estimate from the new recordings wrong."""
+        """Codes of the findings about faults that make an estimate from the new recordings wrong."""
         codes = (f.code for f in self.findings if f.severity == "error" or f.code == ROTOR_INERTIA_MISSING)
         return tuple(dict.fromkeys(codes))
 
@@ -138,7 +138,9 @@ def load_new_recordings(
 def read_new_recordings(
     run: Run, paths: Sequence[str], reading: Mapping[str, Any]
 ) -> tuple[tuple[ReadRecording, ...], tuple[tuple[Finding, ...], ...]]:
-    """Reads recordings that did not train a run, with the run's log format; returns them with findings on each.
+    """Reads recordings on which a run was not trained, with the log format of the run.
+
+    The second result contains the findings of the reader about each recording.
 
     Args:
         run: The run.
@@ -171,7 +173,18 @@ def read_new_recordings(
 def _read_held_out(
     run: Run, paths: Sequence[str], training: Sequence[ReadRecording]
 ) -> tuple[tuple[ReadRecording, ...], tuple[tuple[Finding, ...], ...]]:
-    """Reads validation recordings, which no estimate has used, with the log format of the first new recording."""
+    """Reads validation recordings with the log format of the first new recording.
+
+    The second result contains the findings of the reader about each recording.
+
+    Args:
+        run: The run.
+        paths: Validation recordings.
+        training: New recordings for training.
+
+    Raises:
+        StudyError: A recording was already used for training.
+    """
     recordings: list[ReadRecording] = []
     findings: list[tuple[Finding, ...]] = []
     for path in paths:
@@ -197,14 +210,14 @@ def check_new_recordings(
 ) -> tuple[Finding, ...]:
     """Findings of the readers and of the doctor on new recordings of the arm of a run.
 
-    The doctor compares the recordings with the links of the run, which may carry a load: the run describes the arm
-    more accurately than the description, unless it failed (`known_links`), and no description contains the load.
+    The doctor compares the recordings with the links of the run, which may carry a load. These links are more
+    accurate than those of the description, unless the run failed its validation (`known_links`).
 
     Args:
         run: The run.
         recordings: The recordings.
-        read: Findings of the reader on each recording.
-        processing: Findings of the processing, which are not repeated.
+        read: Findings of the reader about each recording.
+        processing: Findings of the processing, which are not repeated in the result.
         loaded: Number of the link that may carry a load; by default that of the tip.
     """
     links = known_links(run, loaded)
@@ -216,7 +229,7 @@ def check_new_recordings(
 
 
 def _without_rotors(run: Run, finding: Finding) -> Finding:
-    """Finding about missing rotor inertia, extended by its consequence for estimates from new recordings."""
+    """Extends a finding about missing rotor inertia by the consequence for estimates from new recordings."""
     evidence = (
         f"{finding.evidence} The model of {run.folder} has no rotor inertia, so a new estimate would attribute "
         "it to links or load. These recordings may contain the effort on the motor side of the gears, but those of "
@@ -235,12 +248,12 @@ def _without_rotors(run: Run, finding: Finding) -> Finding:
 
 
 def known_links(run: Run, loaded: int | None = None) -> KnownLinks | None:
-    """Inertial parameters with whose torque the doctor compares new recordings; `None` if none are known.
+    """Inertial parameters of the links for the doctor, which compares their torque with new recordings.
 
-    They are those of the run. If the run has only base parameters, the bodies of the description are used, changed so
-    that they give the torque of the run. If the run failed its validation for another reason than its drive gains,
-    the bodies of the description are used unchanged: the parameters of a failed run may be wrong, so a torque that
-    differs from theirs by a factor shows no fault of the recording.
+    They are the parameters of the run. If the run has only base parameters, the bodies of the description are used,
+    changed so that they give the torque of the run. If the run failed its validation for another reason than its
+    drive gains, its parameters may be wrong, and the bodies of the description are used unchanged. The result is
+    `None` if no inertial parameters are known.
 
     Args:
         run: The run.
@@ -267,7 +280,7 @@ def known_links(run: Run, loaded: int | None = None) -> KnownLinks | None:
 
 
 def earlier_information(run: Run) -> Information:
-    """Information of the training recordings of a run.
+    """Reads the triangular factors of the training recordings of a run.
 
     Args:
         run: The run.
@@ -309,7 +322,9 @@ def load_columns(run: Run) -> tuple[Array, Array]:
 
 
 def link_columns(run: Run, link: int | None = None) -> tuple[int, Array]:
-    """Link that carries a load, and matrix (b, 10) that maps the ten parameters of the load to base parameters.
+    """Number of the link that carries a load, and matrix (b, 10) from the load's ten parameters to base parameters.
+
+    The ten parameters are in the frame of the link.
 
     Args:
         run: Run of the arm.

@@ -29,9 +29,9 @@ FAR = 3.0
 deviations]."""
 
 FAR_GAIN = 4.0
-"""Correction of a drive gain, divided by the stated standard deviation, above which a finding is reported. With
-random gains of the stated deviation, the largest correction was above 3 in 2 of 15 logs of a simulated arm of six
-joints, and above 4 in none."""
+"""Correction of a drive gain, divided by the stated standard deviation, above which a finding is reported. In a test
+with 15 logs of a simulated arm of six joints, whose gains were random with the stated deviation, the largest
+correction was above 3 in two logs, and above 4 in none."""
 
 NOTHING = 1e-5
 """Largest lower end of the interval of a mass at which the mass counts as zero [kg]. It is above zero, because a
@@ -74,7 +74,7 @@ class Payload:
 
     @property
     def contradictions(self) -> tuple[Check, ...]:
-        """Failed checks about errors in the recordings, which make the result wrong."""
+        """Failed checks for faults of the recordings that make the result wrong."""
         return contradictions(self.findings)
 
 
@@ -134,7 +134,10 @@ def find_payload(
 
 
 def _with_gains_sought(run: Run, findings: Sequence[Finding]) -> list[Finding]:
-    """Findings of a run; if only drive gains made the run fail its validation, this finding becomes information."""
+    """Reduces the severity of the finding that a run failed its validation, if only drive gains were the cause.
+
+    The finding then becomes information, because the drive gains are estimated.
+    """
     if not only_drive_gains_failed(run):
         return list(findings)
     evidence = (
@@ -147,7 +150,19 @@ def _with_gains_sought(run: Run, findings: Sequence[Finding]) -> list[Finding]:
 
 
 def _known(run: Run, mass: float | None, com: tuple[float, float, float] | None, drive_gain: Any) -> Array | None:
-    """Known parameters of the payload (10,), NaN where unknown; `None` if all are unknown."""
+    """Known parameters of the payload from mass and centre of mass, NaN for unknown ones, shape (10,).
+
+    The result is `None` if all parameters are unknown.
+
+    Args:
+        run: The run.
+        mass: Mass [kg]; `None` if unknown.
+        com: Centre of mass [m]; `None` if unknown.
+        drive_gain: Drive gains of the recordings; `None` if the effort is no current.
+
+    Raises:
+        StudyError: The mass is missing or not positive, or there are no drive gains to estimate.
+    """
     if mass is None:
         if com is not None:
             raise StudyError(

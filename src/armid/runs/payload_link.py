@@ -1,4 +1,4 @@
-"""Link that carries a payload, and the test whether the torque agrees with a load on this link."""
+"""Link that carries a payload, and a test that the measured torque agrees with a load on this link."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def fit_finding(
     own: NDArray[np.bool_],
     known: Array | None,
 ) -> tuple[PayloadMisfit, Finding | None]:
-    """Tests whether a load on the given link explains the new recordings; otherwise a finding names a better link.
+    """Tests whether a load on the given link explains the new recordings; if not, a finding names a better link.
 
     Args:
         new_recordings: The recordings with the payload.
@@ -75,7 +75,8 @@ def fit_finding(
         known: Known parameters of the payload, NaN for unknown ones, shape (10,); `None` if all are unknown.
 
     Returns:
-        The misfit with a load on that link, and the finding, if it is significant.
+        The misfit with a load on that link, and the finding; `None` instead of the finding if the misfit is not
+        significant.
     """
     run, new = new_recordings.run, new_recordings.new
     alone = whiten(new)
@@ -108,7 +109,16 @@ def _finding(
     best: str | None,
     better: PayloadMisfit | None,
 ) -> Finding:
-    """Finding that a load on the given link does not explain the torque, with a better link if there is one."""
+    """Finding that a load on the given link does not explain the torque, with a better link if there is one.
+
+    Args:
+        new_recordings: The recordings with the payload.
+        place: Link that carries the payload according to the user.
+        own: Mask of the base parameters with separate values in the new recordings, shape (b,).
+        found: Misfit with a load on this link.
+        best: Name of the link with the smallest misfit; `None` if there is no better link.
+        better: Misfit with a load on the link `best`; `None` if there is no better link.
+    """
     joints = np.flatnonzero(found.significant)
     ratio = found.residual[joints] / found.alone[joints]
     times = f"{ratio.min():.1f}" if ratio.max() - ratio.min() < 0.05 else f"{ratio.min():.1f} to {ratio.max():.1f}"

@@ -47,7 +47,7 @@ class RunRecords:
 
 
 def records_of(result: Result, methods: MethodTable | None = None) -> RunRecords:
-    """Records of a run, as they are read from its folder, from the result of an identification in memory.
+    """Makes the records of a run from the result of an identification, equal to those read from its folder.
 
     Args:
         result: Result of the identification.
@@ -82,7 +82,7 @@ def read_records(run: Run) -> RunRecords:
 
 
 def trained_and_validated(run: Run, study: Study) -> list[tuple[RecordingChoice, str]]:
-    """Recordings in the study of a run, each with its digest (sha256)."""
+    """Recordings for training and validation in the study of a run, each with its digest (sha256)."""
     return list(zip(study.recordings, run.estimate.recording_digests, strict=True))
 
 
@@ -154,7 +154,10 @@ def _left_out(record: Mapping[str, Any] | None) -> LeftOutError | None:
 
 
 def _spread(rms: Array, relative: Array) -> Array:
-    """Standard deviation of the torque, from RMS error and relative RMS; zero if the relative RMS is infinite."""
+    """Standard deviation of the torque of each joint, from RMS error and relative RMS; all of shape (n,).
+
+    The result is zero if the relative RMS is infinite or was stored as null.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         spread = rms / relative
     return np.where(np.isnan(relative) & np.isfinite(rms), 0.0, spread)

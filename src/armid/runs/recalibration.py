@@ -34,10 +34,12 @@ from armid.threads import one_blas_thread
 from armid.validation.torque_validation import Score, validate
 
 Changed = Literal["friction", "tool", "all"]
-"""Parameters that may have changed: friction and offsets; friction, offsets and the last link; or all."""
+"""Set of the parameters that may have changed: `friction` (friction and offsets), `tool` (friction, offsets and the
+last link) or `all`."""
 
 RECALIBRATED = ", recalibrated"
-"""Suffix of the name of the method of a recalibrated run, whose values do not have the properties of the method."""
+"""Suffix of the name of the estimator in a recalibrated run. The suffix shows that the values do not have the
+properties of this estimator, for instance physical consistency."""
 
 LEAST_ROWS = 2
 """Smallest number of rows of a joint, divided by the number of base parameters, with which the torque error without
@@ -56,7 +58,7 @@ class Recalibration:
         result: Result in the form of an identification, which can be saved as a run.
         earlier: Folder of the earlier run.
         changed: Set of the parameters that were estimated again.
-        changes: Values of every base parameter before and after.
+        changes: Value of every base parameter before and after the recalibration.
         before: Torque errors of the earlier run on the validation recordings, or, if there are none, on the new
             recordings.
     """
@@ -137,7 +139,14 @@ def _result(
     information: Information,
     unseen: Sequence[ProcessedRecording],
 ) -> Result:
-    """New run, with its study and the scores of the new recordings and of the validation recordings."""
+    """Makes the result of a recalibration, with its study and its errors on new and on validation recordings.
+
+    Args:
+        new_recordings: The new recordings and the earlier run.
+        estimate: The new estimate.
+        information: Factors whose least-squares solution is the new estimate.
+        unseen: Validation recordings, processed.
+    """
     run = new_recordings.run
     training, _ = score_recordings(run.model, estimate, new_recordings.recordings)
     scores, found = score_recordings(run.model, estimate, unseen)
@@ -154,7 +163,7 @@ def _result(
 
 
 def _study(run: Run) -> Study:
-    """Study of the earlier run, with the earlier run in place of its recordings."""
+    """Study of the earlier run, in which the folder of the run replaces the recordings."""
     path = Path(run.folder) / "study.json"
     try:
         record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
@@ -173,7 +182,13 @@ def _study(run: Run) -> Study:
 
 
 def _assumption_findings(new_recordings: NewRecordings, result: Result, changed: Changed) -> list[Finding]:
-    """Findings about the assumption that only the parameters that are estimated again have changed."""
+    """Findings if the data contradict the assumption that only the parameters that are estimated again have changed.
+
+    Args:
+        new_recordings: The new recordings and the earlier run.
+        result: Result of the recalibration.
+        changed: Set of the parameters that were estimated again.
+    """
     found: list[Finding] = []
     new = np.sqrt(np.mean([score.rms**2 for score in result.training[: len(new_recordings.recordings)]], axis=0))
     seen = np.isfinite(new)
@@ -208,7 +223,7 @@ def _assumption_findings(new_recordings: NewRecordings, result: Result, changed:
 def _unexplained(
     new_recordings: NewRecordings, seen: NDArray[np.bool_], before: float, error: float, least: float
 ) -> Finding:
-    """Finding about a torque error that no parameters explain, with the rows that cause it if these are known.
+    """Finding about a torque error that no values of the parameters explain, with the cause if it is known.
 
     Args:
         new_recordings: The new recordings.
@@ -238,7 +253,14 @@ def _unexplained(
 
 
 def _least_error_in_motion(new_recordings: NewRecordings, seen: NDArray[np.bool_]) -> float:
-    """Error as in `_least_error`, without rows near reversals and rests [N·m or N]; infinite if few rows remain."""
+    """Smallest possible torque error on the new recordings, without rows near reversals and rests [N·m or N].
+
+    It is computed as in `_least_error`; the result is infinite if too few rows remain.
+
+    Args:
+        new_recordings: The new recordings.
+        seen: Mask of the joints over which the error is summed, shape (n,).
+    """
     run, observed = new_recordings.run, joined_observations(new_recordings.recordings)
     cutoff = np.inf if observed.band.is_open else observed.band.cutoff
     near = rows_near_reversals(observed.runs, cutoff)
@@ -251,7 +273,14 @@ def _least_error_in_motion(new_recordings: NewRecordings, seen: NDArray[np.bool_
 
 
 def _least_error(new: Information, seen: NDArray[np.bool_]) -> float:
-    """Torque error [N·m or N] of the joints `seen` if all parameters are estimated from the new recordings alone."""
+    """Torque error if all parameters are estimated from the new recordings alone [N·m or N].
+
+    It is the root of the sum of the joints' squared RMS errors.
+
+    Args:
+        new: Factors of the new recordings.
+        seen: Mask of the joints over which the error is summed, shape (n,).
+    """
     whole = total(new)
     values = minimum_norm_solution(*stack(whole))[0]
     rows = np.maximum(whole.rows.sum(axis=0), 1)
@@ -262,7 +291,10 @@ def _least_error(new: Information, seen: NDArray[np.bool_]) -> float:
 def _regression_findings(
     new_recordings: NewRecordings, result: Result, before: Sequence[Score], changed: Changed
 ) -> list[Finding]:
-    """Finding that the earlier values are better on held-out motion; an empty list if the new values are better."""
+    """Finding that the earlier values give smaller torque errors on held-out motion than the new values.
+
+    The list is empty if the new values are better, or if there is no held-out motion.
+    """
     scores = result.validation.recordings
     if not scores:
         return []
@@ -299,7 +331,14 @@ def _error(scores: Sequence[Score]) -> float:
 
 
 def _older_validation(error: float, earlier: float, new: float, unit: str) -> Finding:
-    """Finding about a validation recording that was probably made before the arm changed."""
+    """Finding that the validation recording was probably made before the arm changed.
+
+    Args:
+        error: Torque error on the validation recording with the new values.
+        earlier: Torque error on the validation recording with the earlier values.
+        new: Torque error on the new recordings with the earlier values.
+        unit: Unit of the errors.
+    """
     return Finding(
         "recalibration-worse",
         "warning",

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from armid.runs.recalibration import Recalibration
 
 CHANGES = "changes.json"
-"""File in the folder of a recalibrated run, with the value of every base parameter before and after."""
+"""Name of the file in the folder of a recalibrated run that contains the value of every base parameter before and
+after the recalibration."""
 
 
 def changes_record(recalibration: Recalibration) -> dict[str, Any]:

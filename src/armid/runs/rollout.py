@@ -25,8 +25,8 @@ from armid.validation.simulated_windows import SimulatedWindows, simulate_window
 from armid.validation.torque_validation import Check, Validation
 
 MOST_LOST = 0.5
-"""Largest share of lost windows with which the check of the rollout passes; if more windows are lost, there is no
-median error."""
+"""Largest share of lost windows with which the check of the rollout passes. If more than half of the windows are
+lost, there is no median error."""
 
 LOST, INDEFINITE = ROLL_OUT_CODES = ("roll-out-lost", "roll-out-indefinite")
 """Codes of findings about lost windows: the simulated motion diverged, or the mass matrix became indefinite."""
@@ -34,10 +34,10 @@ LOST, INDEFINITE = ROLL_OUT_CODES = ("roll-out-lost", "roll-out-indefinite")
 GAINS = ("proportional", "derivative", "integral")
 
 SIMULATED = "Simulated motion"
-"""Content of the written file, for messages."""
+"""Name of the content of the written file in messages."""
 
 DIGITS = 10
-"""Significant digits of the written table, far more than those of the simulation."""
+"""Number of significant digits in the written table, far more than the accuracy of the simulation."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -48,7 +48,7 @@ class RunRollout:
         scores: Position errors on each recording.
         simulated: Recorded and simulated motion and torque of each recording.
         closed: True if the feedback of the recorded controller acted; otherwise only the recorded torque acted.
-        findings: Findings of the reader, of the processing, and on lost windows.
+        findings: Findings of the reader and of the processing, and about lost windows.
     """
 
     scores: tuple[MotionScore, ...]
@@ -151,7 +151,7 @@ def judged_by_motion(validation: Validation, scores: Sequence[MotionScore], *, c
 
 
 def _lost(score: MotionScore) -> list[Finding]:
-    """Findings about lost windows: the simulated motion diverged, or the mass matrix became indefinite."""
+    """Findings about the lost windows of one recording: the motion diverged, or the mass matrix became indefinite."""
     windows_text = f"of {score.windows} windows of {score.seconds:g} s of {score.path}"
     found: list[Finding] = []
     if score.losses.ran_away:

@@ -47,7 +47,8 @@ FORMAT = 1
 
 
 GAIN_CODES = (CURRENT, MOTOR, UNIT)
-"""Codes of findings on a torque that does not agree with the described masses; wrong drive gains are one cause."""
+"""Codes of the findings that the torque does not agree with the masses of the description; wrong drive gains are one
+possible cause."""
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -77,7 +78,7 @@ class Run(Displayed):
     made: RunOrigin = field(default_factory=RunOrigin)
 
     def summary(self) -> Summary:
-        """Arm, model, method and verdict."""
+        """Table with arm, model, method and verdict."""
         fit = self.estimate.fit
         rows = (
             ("arm", self.estimate.robot),
@@ -96,7 +97,7 @@ class Run(Displayed):
 
     @property
     def links(self) -> LinkTable:
-        """Mass, centre of mass and inertia about it of each link, from the description and from the estimate."""
+        """Mass, centre of mass, and inertia about the centre of mass of each link: described and estimated values."""
         return link_table(self.model, self.estimate)
 
 
@@ -126,7 +127,7 @@ def save_run(
 
 
 def refuse_folder(folder: Path | str) -> None:
-    """Raises an error if the folder of a run cannot or must not be written there; called before the computation.
+    """Raises an error if a run cannot or must not be written to a folder; called before a long computation.
 
     Raises:
         OutputError: The folder has contents that are not a run, is the current working folder, or is not writable.
@@ -156,7 +157,10 @@ def run_of(result: Result, folder: Path | str, made: RunOrigin) -> Run:
 
 
 def _format_given(result: Result) -> LogFormat:
-    """Log format of the first training recording, without guessed columns, which may differ in other recordings."""
+    """Log format of the first training recording, without guessed columns.
+
+    Guessed columns are left out, because they may differ in other recordings.
+    """
     return result.given_format or next(r.reading for r in result.study.recordings if r.role == "train")
 
 
@@ -224,10 +228,10 @@ def _damaged(folder: Path, error: Exception) -> ArmidError:
 
 
 def format_of_new_recording(run: Run, changes: Mapping[str, Any]) -> LogFormat:
-    """Log format of a new recording: that of the run without what belongs to one recording alone, with changes.
+    """Log format of a new recording, made from the log format of the run.
 
-    Excluded intervals, the period and the start of the first period belong to one recording; a period is detected
-    from the positions.
+    Excluded intervals, the period and the start of the first period are left out, because they belong to one
+    recording; a period is detected from the positions.
 
     Args:
         run: The run.
@@ -238,11 +242,11 @@ def format_of_new_recording(run: Run, changes: Mapping[str, Any]) -> LogFormat:
 
 
 def with_edges(run: Run, edges: str | None) -> Run:
-    """Run that treats the ends of new recordings in another way.
+    """Run with another treatment of the ends of new recordings.
 
     Args:
         run: The run.
-        edges: `drop`, `pad` or `periodic`; `None` for that of the run.
+        edges: Treatment of the ends: `drop`, `pad` or `periodic`; `None` for the treatment of the run.
 
     Raises:
         StudyError: The treatment is unknown.
@@ -263,10 +267,10 @@ def failed_checks(run: Run) -> list[str]:
 
 
 def only_drive_gains_failed(run: Run) -> bool:
-    """Tests whether a run failed its validation only because the drive gains contradict the described masses.
+    """Tests whether a run failed its validation only because its drive gains contradict the described masses.
 
-    The doctor reports such gains with one of the three codes `GAIN_CODES`. A finding with such a code can also have
-    another cause, such as positions in counts of encoders; its remedy is then not a drive gain.
+    The doctor reports such gains with one of the codes `GAIN_CODES`. A finding with such a code can also have another
+    cause, such as positions in encoder counts; it then counts only if its remedy is a drive gain.
 
     Args:
         run: The run.

@@ -38,8 +38,8 @@ from armid.study.storage.records import judgement_record
 from armid.threads import one_blas_thread
 
 THRESHOLD = 3.0
-"""Normalised innovation above which a change is reported. With ten independent rows in a block, noise exceeds it once
-in 1e14 blocks. If the arm has not changed, other motions hardly give more than two."""
+"""Normalised innovation from which a change is reported. With ten independent rows in a block, noise alone reaches it
+once in 1e14 blocks. If the arm has not changed, other motions hardly give more than two."""
 
 LOOSE = np.array([100.0, 50.0, 50.0, 50.0, 25.0, 25.0, 25.0, 25.0, 25.0, 25.0])
 """Prior standard deviations of an unknown payload [kg, kg·m, kg·m²]: ten times those of a usual payload."""
@@ -50,7 +50,7 @@ class Event:
     """Sudden change of the parameters, detected by the normalised innovation.
 
     Attributes:
-        time: End of the block in which it was detected [s].
+        time: End of the block in which the change was detected [s].
         joint: The joint with the largest normalised innovation.
         normalized_innovation: Normalised innovation of that joint in the block.
     """
@@ -70,11 +70,11 @@ class TrackedRun:
         time: End of each block, shape (K,) [s]; the clock continues from one recording to the next.
         values: Estimated values, shape (K, m).
         deviation: Standard deviations, shape (K, m).
-        error: RMS torque error in each block with the estimate before the block, shape (K, n) [N·m or N]; zero if the
-            joint rests.
+        error: RMS torque error in each block with the estimate from earlier blocks, shape (K, n) [N·m or N]; zero if
+            the joint rests.
         before: RMS torque error in each block with the values of the run, shape (K, n) [N·m or N].
         normalized_innovation: Normalised innovation, shape (K, n).
-        events: Blocks in which the normalised innovation exceeded `THRESHOLD`.
+        events: Blocks in which the normalised innovation was at least `THRESHOLD`.
         findings: Findings about the run, and of the reader, the doctor and the processing.
     """
 
@@ -166,7 +166,7 @@ def _check_times(memory: float, block: float) -> None:
 def _observed(
     run: Run, recordings: Sequence[ReadRecording], block: float
 ) -> tuple[Observations, tuple[Finding, ...]]:
-    """Observations of recordings in blocks of some seconds, without rows of joints at rest, and the findings."""
+    """Observations of recordings in blocks of `block` seconds, without rows of joints at rest, and the findings."""
     # Periods averaged or taken together would hide what changes from one to the next.
     edges = "drop" if run.processing.edges == "periodic" else run.processing.edges
     # A joint at rest has any friction torque up to its bound; an estimate that forgets would be made of such rows.
@@ -192,7 +192,18 @@ def _update_all(
     findings: tuple[Finding, ...],
     tell: Progress,
 ) -> TrackedRun:
-    """Updates the recursive state with one block after the other, and collects the parameters after each block."""
+    """Updates the recursive state with one block after the other, and collects the parameters after each block.
+
+    Args:
+        run: The run.
+        state: State before the first block.
+        new: Factors of the blocks.
+        ends: End of each block, shape (K,) [s].
+        lengths: Time from the end of the previous block to the end of each block, shape (K,) [s].
+        units: Units of the parameters.
+        findings: Findings for the result.
+        tell: Callback with the name of the step and its progress from 0 to 1.
+    """
     start = state.values
     shape = (new.blocks, new.n)
     error, before, innovation = np.zeros(shape), np.zeros(shape), np.zeros(shape)
@@ -221,7 +232,10 @@ def _cut(run: ObservedRun, seconds: float) -> ObservedRun:
 
 
 def _times(observations: Observations) -> tuple[Array, Array]:
-    """End of each block and time since the previous end [s]; recordings follow each other without a gap."""
+    """End of each block, and time since the end of the previous block, shape (K,) each [s].
+
+    The clock continues from one recording to the next without a gap.
+    """
     ends: list[float] = []
     lengths: list[float] = []
     recording, shift = -1, 0.0
@@ -238,7 +252,7 @@ def _times(observations: Observations) -> tuple[Array, Array]:
 
 
 def _errors(part: Information, values: Array) -> Array:
-    """RMS torque error of each joint in one block, shape (n,)."""
+    """RMS torque error of each joint in one block for given parameters (m,), shape (n,) [N·m or N]."""
     squares = np.array(
         [np.sum((joint.R[0, :, -1] - joint.R[0, :, :-1] @ values[joint.parameters]) ** 2) for joint in part.joints]
     )

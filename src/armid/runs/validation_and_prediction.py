@@ -67,11 +67,13 @@ def validate_run(
 
 
 def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -> tuple[Motion, tuple[Finding, ...]]:
-    """Motion of a plan, of a file for a controller, or of a recording as the run processes it, and findings on it.
+    """Motion of a plan, of a file for a controller, or of a recording, and the findings about a recording.
+
+    A recording is processed with the options of the run.
 
     Args:
         run: The run.
-        path: Plan or recording.
+        path: Plan, file for a controller, or recording.
         rate: Sample rate of a plan [Hz].
         reading: Fields of the log format that differ from that of the run.
 
@@ -114,7 +116,14 @@ def band(run: Run, motion: Motion) -> Array:
 def write_torque(
     path: Path | str, motion: Motion, torque: Array, joints: Sequence[str], *, band: Array | None = None
 ) -> Path:
-    """Writes time, torque and, if given, half widths of intervals, as CSV or NPZ; the suffix decides.
+    """Writes time, torque and, if given, half widths of intervals to a CSV or NPZ file; the suffix decides.
+
+    Args:
+        path: The file.
+        motion: Motion with the N times.
+        torque: Joint torque, shape (N, n) [N·m or N].
+        joints: Names of the joints.
+        band: Half width of the prediction interval, shape (N, n) [N·m or N].
 
     Raises:
         ArmidError: The suffix is neither `.csv` nor `.npz`.

@@ -1,4 +1,4 @@
-"""Reproduction of the thesis [Halper2024]: each module computes one chapter or section; `page` shows the results.
+"""Reproduction of the thesis [Halper2024]: each module computes one chapter or section; `page` presents the results.
 
 Equation, table, figure and section numbers in this package are those of the thesis. "Table A.1" and "Table A.2" are
 also the names of the two motions whose Fourier coefficients these tables contain. "As printed" means an equation or

@@ -75,7 +75,13 @@ class Errors:
 
 
 def recorded(setting: Setting, seed: int, *, noise: bool = True) -> Recording:
-    """Simulates a noisy recording of five repetitions of Table A.1 of the thesis, 27 s each, without a pause."""
+    """Simulates a recording of five repetitions of Table A.1 of the thesis, 27 s each, without a pause.
+
+    Args:
+        setting: Arm, true parameters and motions.
+        seed: Seed of the noise.
+        noise: False for a recording without noise.
+    """
     rng, rate = np.random.default_rng(seed), setting.extent.rate
     size = np.sqrt(rate / NOISE.rate) if noise else 0.0
     sensors = Sensors(size * NOISE.position, size * NOISE.torque, rate)
@@ -84,7 +90,7 @@ def recorded(setting: Setting, seed: int, *, noise: bool = True) -> Recording:
 
 
 def mean_of(recording: Recording, period: float = PERIOD) -> Recording:
-    """Recording of one repetition, which is the mean over the repetitions of a recording with a given period [s]."""
+    """Mean over the repetitions in a recording, as a recording of one repetition; `period` is its duration [s]."""
     assert recording.time is not None and recording.effort is not None  # a virtual arm logs both
     samples = round(period / (recording.time[1] - recording.time[0]))
     q, effort = (x[: len(x) // samples * samples] for x in (recording.q, recording.effort))
@@ -103,7 +109,14 @@ def mean_of(recording: Recording, period: float = PERIOD) -> Recording:
 def observed(
     setting: Setting, recording: Recording, processing: ProcessingOptions, period: float | None = PERIOD
 ) -> Observations:
-    """Steps 1 and 2 of Algorithm 3 of the thesis: processes a recording; `period` [s] or `None` if not repeated."""
+    """Steps 1 and 2 of Algorithm 3 of the thesis: processes a recording.
+
+    Args:
+        setting: Arm, true parameters and motions.
+        recording: The recording.
+        processing: Processing options.
+        period: Period of the motion [s]; `None` if the motion does not repeat.
+    """
     reading = LogFormat() if period is None else LogFormat(period=period, start=0.0)
     choice = RecordingChoice("virtual", reading=reading)
     return joined_observations(process_each([(choice, recording)], processing, setting.hanging.dynamics.robot))

@@ -28,8 +28,8 @@ PRINTED = replace(PADDED, decimate=0.0)
 default. It is applied to the mean of the repetitions."""
 
 HOLDING = {"com": 1.0}
-"""Option of the estimator `thesis-nlp` with which the bounds (3.52b) hold Table 4.2, whose centres of mass are up to
-0.823 m away from their frames."""
+"""Option of the estimator `thesis-nlp`: bound of the coordinates of a centre of mass [m]. With it, Table 4.2 fulfils
+the bounds (3.52b) of the thesis; its centres of mass are up to 0.823 m away from the origins of their frames."""
 
 OWN = ProcessingOptions(edges="periodic", average=True)
 
@@ -103,8 +103,8 @@ class Steps:
     Attributes:
         rows: Results of the steps, one for each row of the table of results.
         spread: Results of the main steps for several seeds of the noise.
-        search: CauseSearch for what explains the thesis's own residual.
-        slower: Result for the same motion, executed more slowly.
+        search: Result of the search for causes of the residual that the thesis itself has.
+        slower: Torque errors along the motion of Table A.2, executed in longer periods.
     """
 
     rows: tuple[Step, ...]
@@ -114,7 +114,10 @@ class Steps:
 
 
 def steps(setting: Setting, tell: Callable[[float], None]) -> tuple[Steps, Estimates]:
-    """Runs all identification steps of section 3.2 of the thesis, and the main steps for several noise seeds."""
+    """Runs all identification steps of section 3.2 of the thesis, and the main steps for several noise seeds.
+
+    `tell` is called with the share of the work that is done, from 0 to 1.
+    """
     tell(0.0)
     recording = recorded(setting, seed=1)
     rows = _Rows(setting)
@@ -171,7 +174,10 @@ def _periodic(setting: Setting, recording: Recording) -> Fitted:
 
 
 def _as_printed(rows: _Rows, recording: Recording) -> Fitted:
-    """Adds results of Algorithm 3 as printed, for two treatments of the ends, which the thesis does not state."""
+    """Adds rows for Algorithm 3 as printed, with two treatments of the ends of the recording.
+
+    The thesis does not state its treatment of the ends. The returned estimate is the one for padded ends.
+    """
     setting, group = rows.setting, "as printed"
     mean = mean_of(recording)
     fitted = estimate(setting.literal, observed(setting, mean, PRINTED, None))
@@ -182,7 +188,7 @@ def _as_printed(rows: _Rows, recording: Recording) -> Fitted:
 
 
 def _edges(rows: _Rows, recording: Recording) -> Fitted:
-    """Adds results with the right sign of gravity for several treatments of the ends of the recording."""
+    """Adds rows for estimates with the right sign of gravity and several treatments of the ends of the recording."""
     mean, group = mean_of(recording), ONE_SIDED
     fitted = rows.run(group, "one-sided-every-row", "every row, ends padded", mean, PRINTED)
     rows.run(group, "one-sided-padded", "100 rows per second, ends padded", mean, PADDED)
@@ -213,7 +219,7 @@ def _both_sides(rows: _Rows, recording: Recording, periodic: Fitted) -> Fitted:
 
 
 def _others(rows: _Rows, recording: Recording, periodic: Fitted) -> None:
-    """Adds results of variants: slow rows left out, joints weighted, armid's own processing."""
+    """Adds rows for variants: slow rows left out, joints weighted, and the processing `OWN` of armid."""
     group = "one-sided filter, other remedies"
     rows.run(group, "one-sided-fast", "rows below 0.1 rad/s left out", recording, replace(THESIS, slow=0.1))
     rows.take(group, "one-sided-weighted", "each joint weighted", by_method(periodic, "wls"))
@@ -221,14 +227,14 @@ def _others(rows: _Rows, recording: Recording, periodic: Fitted) -> None:
 
 
 def _signs(rows: _Rows, periodic: Fitted, corrected: Fitted) -> Fitted:
-    """Adds results with the printed sign of gravity; returns the estimate with filtered columns."""
+    """Adds rows for the printed sign of gravity; returns the estimate with this sign and filtered columns."""
     setting, group = rows.setting, "sign of gravity in print"
     rows.take(group, "wrong-one-sided", "one-sided filter", estimate(setting.literal, periodic.observations))
     return rows.take(group, "wrong-columns", "columns filtered", estimate(setting.literal, corrected.observations))
 
 
 def _bodies(rows: _Rows, *estimates: Fitted) -> list[Fitted]:
-    """Adds estimates of physical parameters: as printed, with a one-sided filter, and with filtered columns."""
+    """Adds rows for physical parameters: estimated as printed, with one-sided filter, and with filtered columns."""
     options = {"starts": rows.setting.extent.searches, **HOLDING}
     kinds = (
         ("printed", "bodies, as printed"),
@@ -246,7 +252,10 @@ def _bodies(rows: _Rows, *estimates: Fitted) -> list[Fitted]:
 
 
 def _spread(setting: Setting, tell: Callable[[float], None]) -> Spread:
-    """Runs the main steps with both signs of gravity, for one seed of the noise after another."""
+    """Runs the main steps with both signs of gravity, for each of several seeds of the noise.
+
+    `tell` is called with the share of the work that is done, from 0 to 1.
+    """
     seeds = setting.extent.seeds
     errors, ratios = np.zeros((2, seeds, 2)), np.zeros((2, seeds))
     for k in range(seeds):

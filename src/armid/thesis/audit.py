@@ -46,11 +46,11 @@ class Conditions:
         literal: Condition number for the sign of gravity that the thesis prints, shape (k,).
         scaled: Condition number for the hanging arm with columns scaled to unit length, shape (k,).
         without_friction: Condition number for the hanging arm without friction columns, shape (k,).
-        without_last: Condition number for the hanging arm in 27 s if the row b_10, which the thesis's table lacks, is
-            zero.
+        without_last: Condition number for the hanging arm and a period of 27 s if the coefficients b_10, which are
+            missing in the table of the thesis, are zero.
         every_column: Condition number with all 84 columns of Y, which equation (3.54) of the thesis names, in 20 s.
-        velocity: Largest ratio of velocity and limit of the joint, shape (k,).
-        torque: Largest ratio of the torque that Table 4.1 predicts, with the printed sign of gravity, and the effort
+        velocity: Largest ratio of a joint's velocity to its limit, shape (k,).
+        torque: Largest ratio of the torque that Table 4.1 predicts (with the printed sign of gravity) to the effort
             limit of the joint, shape (k,).
     """
 
@@ -124,7 +124,7 @@ class Carried:
         values: Base parameters that follow from Table 4.2, shape (57,).
         mismatch: Norm of the difference between `values` and Table 4.1, divided by the norm of Table 4.1, without
             friction.
-        printed_mismatch: Value of `mismatch` if YY_i is computed as equation (3.7) of the thesis prints it.
+        printed_mismatch: Value of `mismatch` if YY_i is computed by equation (3.7) as printed.
     """
 
     values: Array
@@ -249,7 +249,14 @@ def _conditions(setting: Setting) -> Conditions:
 
 
 def _shares(setting: Setting, periods: Array) -> tuple[Array, Array]:
-    """Largest ratios of velocity and of torque by Table 4.1 to the limits, along Table A.1 in periods (k,)."""
+    """Largest ratios of velocity and torque to their limits, along Table A.1 of the thesis, shape (k,) each.
+
+    The torque is predicted with Table 4.1 of the thesis.
+
+    Args:
+        setting: Arm, true parameters and motions.
+        periods: Periods to which the motion is slowed down, shape (k,) [s].
+    """
     robot, model = setting.hanging.dynamics.robot, setting.literal
     theta = model.theta(np.array([published().base[name][0] for name in model.base.names]))
     effort = np.array([joint.effort_limit for joint in robot.joints])
@@ -260,12 +267,20 @@ def _shares(setting: Setting, periods: Array) -> tuple[Array, Array]:
 
 
 def _without_last(plan: Excitation) -> Excitation:
-    """Plan with the last row of b set to zero."""
+    """Motion in which the Fourier coefficients b of the last harmonic are set to zero."""
     return replace(plan, b=plan.b * (np.arange(1, plan.harmonics + 1) < plan.harmonics))
 
 
 def _shape(model: ReferenceModel, plan: Excitation, period: float) -> Array:
-    """Square roots of the diagonal of (Y_bᵀ Y_b)⁻¹, shape (57,)."""
+    """Square roots of the diagonal of (Y_bᵀ Y_b)⁻¹, shape (57,), with the base regressor Y_b along a motion.
+
+    They are the standard deviations of the base parameters for noise of 1 N·m.
+
+    Args:
+        model: Model of the arm.
+        plan: The motion.
+        period: Period to which the motion is slowed down [s].
+    """
     return np.sqrt(np.sum(np.linalg.inv(_stacked(model, plan, period)) ** 2, axis=1))
 
 
@@ -301,7 +316,7 @@ def _deviations(setting: Setting, estimates: Estimates) -> Deviations:
 
 
 def _true_errors(setting: Setting, fit: Fit) -> tuple[float, float]:
-    """Median and largest ratio of the true error of an estimate and its estimated standard deviation."""
+    """Median and largest ratio, over the parameters, of the true error of an estimate to its standard deviation."""
     error = np.abs(fit.values - setting.truth) / fit.deviation
     return float(np.median(error)), float(error.max())
 

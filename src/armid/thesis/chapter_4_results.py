@@ -16,7 +16,7 @@ from armid.thesis.setting import Setting
 from armid.validation.smallest_mass_matrix import worst_along
 
 BAND = 0.1
-"""Distance from zero of the horizontal lines in Figure 4.3 of the thesis, divided by the range of the joint's
+"""Distance of the two horizontal lines in Figure 4.3 of the thesis from zero, divided by the range of the joint's
 torque."""
 
 
@@ -51,9 +51,10 @@ class Pictures:
             parameters, shape (2, 7) [N·m].
         beyond: Share of samples in which measured minus predicted torque, with the base parameters, is outside ±
             `band`, shape (7,).
-        oscillation: Oscillation of the measured and of the predicted torque between jumps of friction, with the base
-            parameters, shape (2, 7) [N·m].
-        ringing: Fast part of `oscillation`, which a polynomial in 0.6 s does not follow, shape (2, 7) [N·m].
+        oscillation: Oscillation (RMS) of the measured torque, and of the torque predicted with the base parameters,
+            between jumps of friction, shape (2, 7) [N·m].
+        ringing: Fast part of `oscillation`: deviation (RMS) from a polynomial that is fitted in a window of 0.6 s,
+            shape (2, 7) [N·m].
     """
 
     time: Array
@@ -132,7 +133,14 @@ def _physical(setting: Setting, fitted: Fitted) -> Array:
 
 
 def _pictures(base: Fitted, physical: Fitted) -> Pictures:
-    """Data of Figures 4.2 and 4.3 for two estimates; predictions are filtered if the columns are filtered."""
+    """Data of Figures 4.2 and 4.3 of the thesis for two estimates.
+
+    The predicted torque is filtered if the columns of the regressor are filtered.
+
+    Args:
+        base: Estimate of the base parameters.
+        physical: Estimate of the physical parameters.
+    """
     (run,) = base.observations.runs
     band, rows = base.observations.band, run.rows
     measured = filtered_torque(run, band)[rows]

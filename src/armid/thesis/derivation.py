@@ -1,8 +1,8 @@
-"""Equations (3.9) to (3.30) of the thesis, with which it derives the dependent columns, checked at random states.
+"""Check of equations (3.9) to (3.30) of the thesis, the derivation of the dependent columns, at random states.
 
-Velocities and rotations of the links follow from the joint axes in the base frame, and β from the Lagrangian, so that
-no side of an equation is computed by the recursion that the equation states. All equations are checked with the sign
-of gravity that the thesis prints; they hold for both signs.
+Velocities and rotations of the links are computed from the joint axes in the base frame, and β from the Lagrangian.
+The recursion that an equation states is thus used for neither side of it. All equations are checked with the sign of
+gravity that the thesis prints; they are valid for both signs.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from armid.thesis.published import published
 from armid.thesis.setting import HANGING, LITERAL, Setting, random_states
 
 ALONG_Y, ALONG_Z = (2, 4, 6), (3, 5)
-"""Indices of links 3, 5 and 7, whose d_n lies along y, and of links 4 and 6, whose d_n lies along z and whose
-d_{n-1} lies along y."""
+"""Indices (from 0) of links 3, 5 and 7, whose translation d_n is along y, and of links 4 and 6, whose d_n is along z
+and whose d_{n-1} is along y."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class Identity:
 
 
 class _Links:
-    """Quantities of all links at random states; arrays have the shape (N, 7, ...)."""
+    """Kinematic quantities and vectors β of all links at N random states; arrays have the shape (N, 7, ...)."""
 
     def __init__(self, setting: Setting) -> None:
         states, frames = random_states(setting, seed=4), make_frames(published())
@@ -65,24 +65,24 @@ class _Links:
 
 
 def derivation(setting: Setting) -> tuple[Identity, ...]:
-    """Equations (3.9) to (3.30) of the thesis, each for all links to which it applies."""
+    """Checks equations (3.9) to (3.30) of the thesis, each for all links to which it applies."""
     links = _Links(setting)
     return (*_kinematics(links), *_first_moments(links), *_masses(links))
 
 
 def _error(left: Array, right: Array, which: Sequence[int] = range(7)) -> float:
-    """Largest difference of two arrays (N, 7, ...) for some links, divided by the largest left element."""
+    """Largest difference of two arrays (N, 7, ...) over the links `which`, relative to the largest left element."""
     at = list(which)
     return float(np.abs(left[:, at] - right[:, at]).max() / np.abs(left[:, at]).max())
 
 
 def _before(x: Array, k: int = 1) -> Array:
-    """Array (N, 7, ...) with the values of the link k places before; zero where there is none."""
+    """Array (N, 7, ...) that contains for each link the values of the link k places before; zero for the first k."""
     return np.concatenate([np.zeros_like(x[:, :k]), x[:, :-k]], axis=1)
 
 
 def _kinematics(links: _Links) -> tuple[Identity, ...]:
-    """Equations (3.9) to (3.18) of the thesis."""
+    """Checks equations (3.9) to (3.18) of the thesis on the kinematics of the links."""
     w, v, d = _before(links.turning), _before(links.velocity), links.arm
     s, c, own = np.sin(links.q), np.cos(links.q), np.zeros_like(w)
     own[..., 2] = links.dq
@@ -116,7 +116,7 @@ def _kinematics(links: _Links) -> tuple[Identity, ...]:
 
 
 def _first_moments(links: _Links) -> tuple[Identity, ...]:
-    """Equations (3.19) to (3.23) of the thesis."""
+    """Checks equations (3.19) to (3.23) of the thesis on the elements of β for first moments."""
     MY, MZ, XX, YZ, ZZ = (links.beta[name] for name in ("MY", "MZ", "XX", "YZ", "ZZ"))
     w, v, g, d = _before(links.turning), _before(links.velocity), _before(links.gravity), links.arm
     g[:, 0] = HANGING  # the base
@@ -145,7 +145,7 @@ def _first_moments(links: _Links) -> tuple[Identity, ...]:
 
 
 def _masses(links: _Links) -> tuple[Identity, ...]:
-    """Equations (3.24) to (3.30) of the thesis."""
+    """Checks equations (3.24) to (3.30) of the thesis on the elements of β for masses."""
     M, MY, MZ, XX, YY, ZZ = (links.beta[name] for name in ("M", "MY", "MZ", "XX", "YY", "ZZ"))
     w, v, g, arm, d = (
         _before(links.turning),

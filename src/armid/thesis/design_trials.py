@@ -31,7 +31,8 @@ from armid.thesis.setting import DESIGNED, PERIOD, Setting
 HARMONICS = 10
 
 CHECKED = 50.0
-"""Rate of the poses in which collisions are checked [Hz]; the fastest joint turns by 3° between two such poses."""
+"""Rate at which poses along a motion are checked for collisions [Hz]; the fastest joint turns by 3° from one checked
+pose to the next."""
 
 MOVING = replace(CORRECTED, slow=0.05)
 """Processing that leaves out rows in which the velocity of a joint is below 0.05 rad/s, because the joint may stick
@@ -53,7 +54,7 @@ class DesignTrial:
         name: `Table A.1` (of the thesis) with its period, or the number of the random start.
         plan: The trajectory.
         condition: Condition number of the stacked base regressor Y_b along the trajectory, sampled at 100 Hz.
-        limits: Largest ratio of value and limit in closed loop, for position, velocity and torque, shape (3,).
+        limits: Largest ratio of a value in closed loop to its limit, for position, velocity and torque, shape (3,).
         tracking: Root mean square of the position error in closed loop, over all joints [rad].
         clearance: Smallest distance between bodies of links that are more than two joints apart [m].
         doubts: Codes of the findings because of which the real arm should not run the trajectory; empty without
@@ -90,7 +91,7 @@ class Designs:
         published: Motion of Table A.1 with periods of 20 s and 27 s, tested in the same way as the designs.
         trials: Designed trajectories, in the order of their random starts.
         starts: Condition number of each random start, scaled to keep the limits, shape (starts,).
-        kept: Index of the best feasible trajectory in `trials`; -1 if none is feasible.
+        kept: Index of the best feasible trajectory in `trials`, as defined in `designs`; -1 if none is feasible.
         families: Results of other parameterisations of the trajectory.
     """
 
@@ -109,7 +110,7 @@ class Designs:
 
 
 def designs(setting: Setting, tell: Callable[[float], None]) -> Designs:
-    """Runs Algorithm 2 of the thesis: optimises each random start, and tests the trajectories in closed loop.
+    """Runs Algorithm 2 of the thesis: optimises trajectories from random starts, and tests them in closed loop.
 
     The best trajectory is the feasible one whose estimate by Algorithm 3 as printed has the smallest torque error
     along Table A.2.
@@ -161,7 +162,14 @@ def _condition(setting: Setting, plan: Excitation) -> float:
 
 
 def _trial(setting: Setting, name: str, plan: Excitation, seed: int) -> DesignTrial:
-    """Simulates a trajectory in closed loop, and applies Algorithm 3 of the thesis to the recording."""
+    """Simulates a trajectory in closed loop, and applies Algorithm 3 of the thesis to the recording.
+
+    Args:
+        setting: Arm, true parameters and motions.
+        name: Name of the trajectory.
+        plan: The trajectory.
+        seed: Seed of the noise.
+    """
     extent = setting.extent
     truth = truth_of(setting.hanging.dynamics.robot)
     options = LabOptions(
@@ -195,7 +203,7 @@ def _trial(setting: Setting, name: str, plan: Excitation, seed: int) -> DesignTr
 
 
 def _shares(setting: Setting, done: Simulated) -> Array:
-    """Largest ratio of value and limit in a simulated motion: for position, velocity and torque, shape (3,)."""
+    """Largest ratio of a value in a simulated motion to its limit, for position, velocity and torque, shape (3,)."""
     joints = setting.hanging.dynamics.robot.joints
     limits = limits_of(setting.hanging.dynamics.robot)
     trace = done.trace.from_time(0.0)

@@ -15,14 +15,14 @@ from armid.thesis.published import published
 from armid.thesis.setting import DESIGNED, HANGING, LITERAL, Setting, random_states
 
 POSE = np.array([[0.1, -0.2, 0.3, -0.4, 0.5, -0.6, 0.7]])
-"""Pose without symmetry in which results are shown on the page [rad]."""
+"""Pose without symmetry for the results on the page, shape (1, 7) [rad]."""
 
 STATE = (
     POSE,
     np.array([[0.3, -0.2, 0.1, 0.4, -0.5, 0.6, -0.7]]),
     np.array([[1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0]]),
 )
-"""Pose, velocity and acceleration of the state at which results are shown on the page [rad, rad/s, rad/s²]."""
+"""Pose [rad], velocity [rad/s] and acceleration [rad/s²] for the results on the page, shape (1, 7) each."""
 
 BALANCE_RATE, BALANCE_STEP = 100.0, 1e-4
 """Sample rate at which the energy balance is checked [Hz], and half the step of the difference quotient of the energy
@@ -145,7 +145,13 @@ def dynamics(setting: Setting) -> Dynamics:
 
 
 def _torque_of_matrices(model: DynamicsModel, states: Motion, theta: Array) -> Array:
-    """Torque by equation (3.3) of the thesis: M(q) q̈ + C(q, q̇) q̇ + g(q) + friction, shape (N, 7)."""
+    """Torque by equation (3.3) of the thesis: M(q) q̈ + C(q, q̇) q̇ + g(q) + friction, shape (N, 7) [N·m].
+
+    Args:
+        model: Arm and torque terms.
+        states: Positions, velocities and accelerations of N states.
+        theta: Standard parameters, shape (p,).
+    """
     tau = np.einsum("nij,nj->ni", model.mass_matrix(states.q, theta), states.ddq)
     tau += np.einsum("nij,nj->ni", model.coriolis_matrix(states.q, states.dq, theta), states.dq)
     return tau + model.gravity_torque(states.q, theta) + _friction(model, states, theta)
@@ -159,7 +165,10 @@ def _friction(model: DynamicsModel, states: Motion, theta: Array) -> Array:
 
 
 def _triangle(Y: Array) -> tuple[float, float]:
-    """Largest elements of Y (N, 7, 70) for links before and after the joint, divided by the largest element of Y."""
+    """Largest elements of the regressor Y (N, 7, 70) in two triangles, divided by the largest element of Y.
+
+    The first triangle contains the columns of links before the joint of the row, the second those of links after it.
+    """
     blocks = np.abs(Y.reshape(len(Y), 7, 7, 10)).max(axis=(0, 3))  # joint j, link i
     return float(np.tril(blocks, -1).max() / blocks.max()), float(np.triu(blocks, 1).max() / blocks.max())
 

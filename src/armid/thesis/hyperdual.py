@@ -42,7 +42,7 @@ class HyperDual:
         return HyperDual(self.parts * np.asarray(factor))
 
     def at(self, *index: int) -> HyperDual:
-        """Elements with given indices of the last axes; all elements of the other axes are kept."""
+        """Elements at given indices of the last axes, for all indices of the other axes."""
         return HyperDual(self.parts[(..., *index)])
 
 
@@ -58,7 +58,7 @@ def constant(value: ArrayLike) -> HyperDual:
 
 
 def bilinear(product: Callable[[Array, Array], Array], a: HyperDual, b: HyperDual) -> HyperDual:
-    """Bilinear product of two arrays of hyper-dual numbers; `product` is the same product of two real arrays."""
+    """Bilinear product of two arrays of hyper-dual numbers; `product` computes this product for real arrays."""
     x, y = a.parts, b.parts
     return HyperDual(
         np.stack(
@@ -90,6 +90,13 @@ def stacked(numbers: list[HyperDual]) -> HyperDual:
 
 
 def _function(x: HyperDual, value: Array, slope: Array, bend: Array) -> HyperDual:
-    """Applies a function to hyper-dual numbers, given its value and its first and second derivative at them."""
+    """Applies a function to hyper-dual numbers x.
+
+    Args:
+        x: The numbers.
+        value: Values of the function at the real parts of x.
+        slope: First derivatives of the function at the real parts of x.
+        bend: Second derivatives of the function at the real parts of x.
+    """
     _, a, b, ab = x.parts
     return HyperDual(np.stack([value, slope * a, slope * b, slope * ab + bend * a * b]))

@@ -31,7 +31,7 @@ ANGLES = {"0": 0.0, "π": np.pi, "-π": -np.pi, "π/2": 0.5 * np.pi}
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Frames:
-    """Transforms of Table 3.1 of the thesis, frame by frame, for joint angles of zero.
+    """Transform of each link frame relative to the frame before it, at joint angles of zero, from Table 3.1.
 
     Attributes:
         rotation: Rotations R_z(φ) R_x(θ), shape (7, 3, 3).
@@ -42,7 +42,10 @@ class Frames:
     translation: Array
 
     def forward(self, q: Array) -> tuple[Array, Array]:
-        """Rotations (N, 7, 3, 3) and origins (N, 7, 3) [m] of the frames at positions (N, 7): (3.1) of the thesis."""
+        """Rotations (N, 7, 3, 3) and origins (N, 7, 3) [m] of the frames in the base frame at positions (N, 7).
+
+        This is equation (3.1) of the thesis.
+        """
         R, p = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3))
         rotations, origins = [], []
         for k in range(len(self.rotation)):
@@ -101,7 +104,15 @@ def lagrangian_terms(frames: Frames, q: HyperDual, dq: HyperDual, gravity: Array
 
 
 def _beta(velocity: HyperDual, turning: HyperDual, origin: HyperDual, R: HyperDual, gravity: Array) -> HyperDual:
-    """Vector β of one link, shape (..., 10), from linear and angular velocity, origin and rotation of its frame."""
+    """Vector β of equation (2.33) of the thesis for one link, shape (..., 10).
+
+    Args:
+        velocity: Velocity of the origin of the link frame, in the axes of this frame.
+        turning: Angular velocity, in the axes of the link frame.
+        origin: Origin of the link frame, in the base frame.
+        R: Rotation from the link frame to the base frame.
+        gravity: Acceleration of gravity in the base frame, shape (3,) [m/s²].
+    """
     g = constant(gravity)
     mass = _dot(velocity, velocity).times(0.5) + _dot(origin, g)
     first = _cross(velocity, turning) + _apply(_transposed(R), g)  # (v · (ω × r)) = (v × ω) · r
@@ -142,7 +153,7 @@ def lagrangian_mass(frames: Frames, q: Array, parameters: Array) -> Array:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LinkMotion:
-    """Motion of the link frames by their joint axes in the base frame, without the recursion (3.9) of the thesis.
+    """Motion of the link frames, computed from the joint axes in the base frame and not by recursion (3.9).
 
     Attributes:
         rotation: Rotations R_0 of the frames, shape (N, 7, 3, 3).
@@ -158,7 +169,7 @@ class LinkMotion:
 
 
 def link_motion(frames: Frames, q: Array, dq: Array) -> LinkMotion:
-    """Motion of the link frames at positions and velocities (N, 7)."""
+    """Computes the motion of the link frames from positions (N, 7) and velocities (N, 7)."""
     R, p = frames.forward(q)
     linear, angular = _jacobians(R, p, p)
     turned = np.swapaxes(R, -1, -2)
@@ -193,7 +204,10 @@ def torque_of_bodies(frames: Frames, motion: Motion, physical: Array, gravity: A
 
 
 def _inertia_and_potential(frames: Frames, q: Array, physical: Array, gravity: Array) -> tuple[Array, Array]:
-    """Mass matrix (2.19), shape (N, 7, 7), and potential energy −Σ m gᵀ p, shape (N,); complex for complex q."""
+    """Mass matrix by equation (2.19), shape (N, 7, 7), and potential energy −Σ m gᵀ p, shape (N,) [J].
+
+    The results are complex for complex positions q (N, 7), for derivatives by complex steps.
+    """
     R, p = frames.forward(q)
     mass, centre = physical[:, 0], p + np.einsum("nixy,iy->nix", R, physical[:, 1:4])
     xx, xy, xz, yy, yz, zz = physical[:, 4:10].T
@@ -207,7 +221,16 @@ def _inertia_and_potential(frames: Frames, q: Array, physical: Array, gravity: A
 
 
 def _jacobians(R: Array, p: Array, points: Array) -> tuple[Array, Array]:
-    """Jacobians of points (N, 7, 3) that are fixed to the links, and of the links' rotation, shape (N, 7, 3, 7)."""
+    """Jacobians of the velocities of points that are fixed to the links, and of the links' angular velocities.
+
+    Args:
+        R: Rotations of the link frames, shape (N, 7, 3, 3).
+        p: Origins of the link frames, shape (N, 7, 3) [m].
+        points: One point of each link, shape (N, 7, 3) [m].
+
+    Returns:
+        Two arrays of shape (N, 7, 3, 7).
+    """
     carried = np.tril(np.ones((R.shape[1], R.shape[1])))  # link i is moved by joint j ≤ i
     axes = R[..., 2]
     arms = points[:, :, None, :] - p[:, None, :, :]
@@ -227,7 +250,7 @@ def _alike(a: HyperDual, b: HyperDual) -> tuple[HyperDual, HyperDual]:
 
 
 def _turned(rotation: HyperDual, angle: HyperDual) -> HyperDual:
-    """Product of a rotation (3, 3) and the rotation by an angle [rad] about z."""
+    """Product of a rotation (3, 3) and the rotation about z by `angle` [rad]."""
     c, s = cosine(angle), sine(angle)
     zero, one = angle.times(0.0), constant(np.ones(angle.parts.shape[1:]))
     rows = [stacked([c, zero - s, zero]), stacked([s, c, zero]), stacked([zero, zero, one])]

@@ -1,4 +1,4 @@
-"""Published data of the thesis: tables, a condition number, and formulas as sums of parameters or columns."""
+"""Published data of the thesis: tables, a condition number, and formulas that are sums of parameters or columns."""
 
 from __future__ import annotations
 
@@ -61,12 +61,12 @@ class Published:
 
 
 def weight(summand: Summand, lengths: Array) -> float:
-    """Factor with which a summand multiplies its parameter or column."""
+    """Factor by which the parameter or column of a summand is multiplied, from the lengths d_1 to d_7 (7,) [m]."""
     return summand.factor * float(sum(lengths[i - 1] for i in summand.lengths)) ** summand.power
 
 
 def formula(terms: Sum) -> str:
-    """Text of a sum of summands; `0` for an empty sum."""
+    """Text of the formula that is the sum of given summands; `0` for an empty sum."""
     if not terms:
         return "0"
     text = " ".join(_written(each, first=k == 0) for k, each in enumerate(terms))

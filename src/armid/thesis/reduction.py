@@ -15,8 +15,8 @@ from armid.thesis.published import Sum, formula, published, weight
 from armid.thesis.setting import HANGING, Setting, random_states
 
 GAP = 1e-10
-"""A singular value of the regressor counts as zero, so that a column depends on the others, if it is below this share
-of the largest one. Rounding gives about 1e-15, independent columns give more than 1e-2."""
+"""Ratio of a singular value of the regressor to the largest one below which the singular value counts as zero, so
+that a column depends on the others. Rounding gives about 1e-15, independent columns give more than 1e-2."""
 
 ALIKE = 1e-12
 """Largest relative difference that counts as a rounding error."""
@@ -75,8 +75,8 @@ class Reduction:
         dependences: Lines of equation (A.1).
         groupings: Lines of equation (3.39).
         identities: Equations (3.9) to (3.30) of the derivation.
-        torque_error: Largest difference of Y_b π_b(π(μ)) and τ(μ) in Algorithm 1, divided by the largest torque; τ(μ)
-            is computed from M, C and g of the physical parameters.
+        torque_error: Largest difference between Y_b π_b(π(μ)) and τ(μ) in Algorithm 1, divided by the largest torque.
+            The torque τ(μ) is computed from the matrices M, C and g for the physical parameters μ.
     """
 
     columns: int
@@ -92,7 +92,7 @@ class Reduction:
 
 
 def reduction(setting: Setting) -> Reduction:
-    """Checks every line that the thesis prints on the reduction to base parameters, with the regressor Y."""
+    """Checks all printed equations on the reduction to base parameters with the computed regressor Y."""
     model, base = setting.hanging.dynamics, setting.hanging.base
     states = random_states(setting, seed=3)
     Y = model.regressor(states)
@@ -139,7 +139,7 @@ def standard_of_physical(model: DynamicsModel, physical: Array, *, printed: bool
 
 
 def physical_of_standard(model: DynamicsModel, theta: Array) -> Array:
-    """Physical parameters (7, 12) for standard parameters (p,): one row a link, as in (3.40) of the thesis."""
+    """Physical parameters (7, 12) for standard parameters (p,): one row for each link in the order of (3.40)."""
     names: list[str] = [parameter.name for parameter in model.parameters]
     rows: list[list[float]] = []
     for k, own in enumerate(model.inertial_columns.reshape(-1, 10)):
@@ -162,7 +162,13 @@ def _dependence(columns: dict[str, Array], name: str, label: str, right: Sum, pr
 
 
 def _column_error(columns: dict[str, Array], name: str, terms: Sum) -> float:
-    """Largest difference between a column of Y and a sum of columns, divided by the largest element of both."""
+    """Largest difference between a regressor column and a sum of columns, divided by the largest element of both.
+
+    Args:
+        columns: Columns of the regressor by name.
+        name: Name of the column.
+        terms: The sum of columns.
+    """
     zero = np.zeros_like(columns[name])
     total = sum((weight(each, published().lengths) * columns[each.name] for each in terms), zero)
     difference = float(np.abs(columns[name] - total).max())

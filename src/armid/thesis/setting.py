@@ -62,7 +62,13 @@ QUICK = Extent(
 
 
 def extent_of(*, quick: bool = False, seeds: int | None = None, starts: int | None = None) -> Extent:
-    """Extent of the whole or of a quick study; given numbers of seeds and of random starts replace the usual ones."""
+    """Extent of the whole or of a quick study.
+
+    Args:
+        quick: True for the quick study.
+        seeds: Number of seeds of the noise, instead of the usual number.
+        starts: Number of random starts of Algorithm 2, instead of the usual number.
+    """
     extent = QUICK if quick else Extent()
     return replace(extent, seeds=seeds or extent.seeds, starts=starts or extent.starts)
 
@@ -80,7 +86,10 @@ class ReferenceModel:
     base: BaseParameters
 
     def theta(self, values: Array) -> Array:
-        """Standard parameters (p,) that give the same torque as base parameters (b,); only kept ones are not zero."""
+        """Standard parameters (p,) that give the same torque as base parameters (b,).
+
+        A standard parameter whose column is not kept is zero.
+        """
         theta = np.zeros(len(self.dynamics.parameters))
         theta[self.base.kept] = values
         return theta

@@ -21,7 +21,8 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.threads import one_blas_thread
 
 FEASIBLE = 1e-6
-"""Largest relative distance for which values count as consistent. It is the accuracy of the solver."""
+"""Largest distance from the nearest consistent values, divided by the norm of the values, with which values count as
+consistent. It is the accuracy of the solver."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +46,8 @@ class Certificate:
         feasible: True if the values are consistent.
         distance: Euclidean distance from the values to the nearest consistent values, in SI units.
         relative_distance: `distance` divided by the norm of the values.
-        inertial_distance: Relative distance of those values that depend on inertial parameters.
-        blame: Difference of every value from the nearest consistent value, largest first.
+        inertial_distance: Relative distance computed only from the values that depend on inertial parameters.
+        blame: Difference between every value and the nearest consistent value, the largest first.
         nearest: Nearest consistent values, in the order of the given values.
         witness: Standard parameters of a consistent arm that has the values `nearest`, shape (p,).
         masses: Masses of the links of this arm, shape (n,) [kg].

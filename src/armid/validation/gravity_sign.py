@@ -22,15 +22,15 @@ STRONGEST_GRAVITY = 15.0
 """Largest plausible acceleration of gravity [m/s²]. A larger value in a study or description is a mistake."""
 
 WEIGHTY = 0.1
-"""Share of the largest regrouped first moment below which a first moment is ignored. In a wrist, the first moment
-of a link itself can exceed the contribution of the masses that the link carries."""
+"""Ratio of a regrouped first moment to the largest one below which the moment is ignored. In a wrist, the first
+moment of a link itself can be larger than the contribution of the masses that the link carries."""
 
 MOMENTS = ("MX", "MY", "MZ")
 FRICTION = ("FV", "FS")
 
 
 def gravity_finding(robot: Robot) -> Finding | None:
-    """Finding about an implausible magnitude of gravity, or `None`."""
+    """Finding about an acceleration of gravity above `STRONGEST_GRAVITY`; `None` if the magnitude is plausible."""
     strength = float(np.linalg.norm(robot.gravity))
     if strength <= STRONGEST_GRAVITY:
         return None
@@ -44,7 +44,7 @@ def gravity_finding(robot: Robot) -> Finding | None:
 
 
 def gravity_sign_finding(base: BaseParameters, values: ArrayLike) -> Finding | None:
-    """Finding about a probably wrong sign of gravity or torque, or `None`.
+    """Finding about a probably wrong sign of gravity or torque; `None` if the parameters do not contradict the signs.
 
     Args:
         base: Base parameters and the gravity for which they hold.
@@ -76,7 +76,14 @@ def gravity_sign_finding(base: BaseParameters, values: ArrayLike) -> Finding | N
 
 
 def _forced(base: BaseParameters, symbols: NDArray[np.str_]) -> NDArray[np.float64]:
-    """Sign, shape (b,), that each base parameter has because masses are positive: +1, -1, or 0 if undetermined."""
+    """Sign that positive masses give to each base parameter, shape (b,): +1, -1, or 0 if the sign is undetermined.
+
+    Only first moments have a determined sign.
+
+    Args:
+        base: Base parameters.
+        symbols: Symbol of each standard parameter, such as `M`, shape (p,).
+    """
     masses = base.regrouping[:, symbols == "M"]
     moment = np.isin(symbols[base.kept], MOMENTS)
     up, down = (masses > 0.0).any(axis=1), (masses < 0.0).any(axis=1)

@@ -14,9 +14,9 @@ from armid.estimation.uncertainty.prediction_error import ExpectedError, Predict
 from armid.information.information import Information, total
 
 FOUND_AGAIN = 1.5
-"""Smallest ratio of the upper end of the expected error to the error that was found on left-out data. On the KUKA LBR
+"""Lower limit of the ratio of the upper end of the expected error to the RMS error on left-out data. On the KUKA LBR
 Med 7, whose training recording excites the arm weakly, errors on the other recording were 0.4 to 1.6 times those on
-left-out parts, and 0.6 to 4 times the upper end without this limit."""
+left-out parts. Without this limit, they were 0.6 to 4 times the upper end."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -25,9 +25,9 @@ class LeftOutError:
 
     Attributes:
         kind: `recordings` if whole recordings were left out in turn, or `parts` for parts of the only recording.
-        rms: RMS error on the left-out data [N·m or N].
-        description: RMS error of the inertial parameters of the description, without friction, on the same rows [N·m
-            or N]; `None` if the description has none.
+        rms: RMS torque error of estimates without these data, on the left-out data [N·m or N].
+        description: RMS torque error on the same rows with the inertial parameters of the description, without
+            friction [N·m or N]; `None` if the description does not give every link a mass.
         expected: RMS error that is expected on another recording, with its 90 % interval.
     """
 
@@ -52,7 +52,7 @@ def left_out_error(
     standard: StandardParameters,
     left_out: Information,
 ) -> LeftOutError:
-    """Torque error on left-out training data from sums of squares.
+    """Computes the torque error on left-out training data from sums of squared errors.
 
     Args:
         kind: `recordings` or `parts`.

@@ -31,7 +31,7 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 
 SMALLEST_SHARE = 1e-3
-"""Lower limit of the share of the variance that the uncertainty of the parameters contributes. It limits the degrees
+"""Lower limit of the share of the variance that comes from the uncertainty of the parameters. It limits the degrees
 of freedom of the interval."""
 
 PART = 8192
@@ -58,10 +58,9 @@ def torque_band(model: DynamicsModel, estimate: Estimate, motion: Motion) -> Arr
 
 
 def parameter_covariance(estimate: Estimate) -> Array:
-    """Covariance (b, b) of the base parameters on another recording.
+    """Covariance (b, b) of the base parameters for the prediction of another recording.
 
-    It is the part of the prediction interval that comes from parameters: their uncertainty, and the change from one
-    recording to another where the training recordings show it.
+    It contains the uncertainty of the estimate, and the change of parameters between recordings if it is known.
 
     Args:
         estimate: The estimate.
@@ -70,7 +69,7 @@ def parameter_covariance(estimate: Estimate) -> Array:
 
 
 def _covariances(estimate: Estimate) -> list[Array]:
-    """Covariance (b, b) of the uncertainty of the base parameters, and that of their change if it is known."""
+    """Covariances (b, b) of the base parameters: by uncertainty, then by their change between recordings if known."""
     base, fit, training = estimate.base, estimate.fit, estimate.prediction
     if training is not None:
         fit = replace(fit, covariance=training.effective(fit.covariance))
@@ -120,9 +119,14 @@ def _covariance_of_means(base: BaseParameters, fit: Fit) -> Array:
 
 
 def _change_of_common(base: BaseParameters, fit: Fit, change: Array) -> Array:
-    """Covariance (b, b) of the change without parameters that each recording has of its own.
+    """Covariance (b, b) of the change between recordings, set to zero for parameters with one value per recording.
 
-    The variance between the recordings is in the covariance of their means.
+    For these parameters, `_covariance_of_means` already contains the variance between recordings.
+
+    Args:
+        base: Base parameters.
+        fit: The estimate.
+        change: Covariance of the change for all base parameters, shape (b, b).
     """
     separate = {name.of_all for name in fit.names if name.recording}
     common = np.array([name not in separate for name in base.names])
@@ -132,7 +136,15 @@ def _change_of_common(base: BaseParameters, fit: Fit, change: Array) -> Array:
 def _parameter_variances(
     model: DynamicsModel, base: BaseParameters, covariances: Sequence[Array], observations: Observations, every: int
 ) -> list[Array]:
-    """Variances of the predicted torque by covariances of the parameters, on every k-th row, each (M, n)."""
+    """Variance of the predicted torque for each covariance of the parameters, shape (M, n) each [(N·m)² or N²].
+
+    Args:
+        model: Arm and torque terms.
+        base: Base parameters of the model.
+        covariances: Covariances of the base parameters, shape (b, b) each.
+        observations: Contiguous runs and the band of their filter.
+        every: Number k: the variances are computed on every k-th row, M rows in total.
+    """
     source = column_source(model, base)
     sparse = [
         replace(run, step=run.step * every, mask=run.mask[::every], block=run.block[::every], repetition=None)

@@ -35,17 +35,20 @@ LEAST_RATE = 1000.0
 frequencies of the modes of arms are far below a tenth of this rate."""
 
 STABLE = 0.8
-"""Largest product of the integration step and the angular frequency of the feedback; leapfrog is stable below 2."""
+"""Largest product of the integration step [s] and the angular frequency of the feedback [rad/s]; leapfrog is stable
+below 2."""
 
 REST = 1e-9
-"""Absolute velocity [rad/s or m/s] at which dry friction is evaluated, on both sides of zero."""
+"""Small velocity [rad/s or m/s]: dry friction is half the difference of the friction at plus and at minus this
+velocity."""
 
 NUDGE = 1e-4
 """Velocity step [rad/s or m/s] of the difference quotient of friction. Friction laws change over velocities that are
 at least a hundred times as large."""
 
 RUNAWAY = 100.0
-"""Speed [rad/s or m/s] of a joint from which a window counts as diverged; joints of arms reach at most ten."""
+"""Speed of a joint [rad/s or m/s] from which the simulation of a window counts as diverged; joints of arms reach at
+most ten."""
 
 CHECK_EVERY = 50
 """Number of integration steps between two checks of the mass matrix."""
@@ -164,10 +167,10 @@ class _State(NamedTuple):
 
     Attributes:
         q: Positions, shape (W, n) [rad or m].
-        half: Velocities half a step earlier, shape (W, n).
-        ddq: Accelerations one step earlier, shape (W, n).
+        half: Velocities half an integration step earlier, shape (W, n) [rad/s or m/s].
+        ddq: Accelerations one integration step earlier, shape (W, n) [rad/s² or m/s²].
         memory: Hysteresis states, shape (W, m).
-        integral: Time integral of the position error of the feedback, shape (W, n).
+        integral: Time integral of the position error of the feedback, shape (W, n) [rad·s or m·s].
     """
 
     q: Array
@@ -181,9 +184,9 @@ class _Control(NamedTuple):
     """Velocities and torque of all windows at one instant.
 
     Attributes:
-        dq: Velocities, extrapolated by half a step, shape (W, n) [rad/s or m/s].
+        dq: Velocities, extrapolated by half an integration step, shape (W, n) [rad/s or m/s].
         torque: Torque that acts on the joints, shape (W, n) [N·m or N].
-        integral: Time integral of the position error of the feedback, shape (W, n).
+        integral: Time integral of the position error of the feedback, shape (W, n) [rad·s or m·s].
     """
 
     dq: Array
@@ -205,7 +208,7 @@ class _Rollout:
         self.state = _State(q, half, ddq, windows.memory, np.zeros_like(q))
 
     def _substeps(self, mass: Array) -> int:
-        """Number of integration steps from one sample to the next."""
+        """Number of integration steps from one sample to the next, from the mass matrices (W, n, n) at the start."""
         rate = LEAST_RATE
         if self.feedback is not None and self.alive.any():
             mobility = np.einsum("wjj->wj", np.linalg.inv(mass[self.alive]))
@@ -213,7 +216,7 @@ class _Rollout:
         return max(1, math.ceil(rate * self.windows.step * (1.0 - 1e-9)))
 
     def _check_definite(self, mass: Array) -> None:
-        """Ends the simulation of windows whose mass matrix, in `mass` (W, n, n), is not positive definite."""
+        """Ends the simulation of each window whose mass matrix is not positive definite; `mass` is (W, n, n)."""
         positive = np.linalg.eigvalsh(mass)[:, 0] > 0.0
         self.indefinite |= self.alive & ~positive
         self.alive &= positive
@@ -224,12 +227,15 @@ class _Rollout:
             self._step(step)
 
     def _recorded(self, values: Array, step: int) -> Array:
-        """Recorded values (W, n) at an integration step, interpolated between two samples."""
+        """Interpolates recorded values (W, S, n) between two samples to an integration step; shape (W, n)."""
         k, share = step // self.substeps, step % self.substeps / self.substeps
         return values[:, k] if share == 0.0 else (1.0 - share) * values[:, k] + share * values[:, k + 1]
 
     def control(self, step: int) -> _Control:
-        """Velocities and torque at an integration step: the recorded torque, plus the feedback if there is one."""
+        """Velocities and torque of all windows at an integration step.
+
+        The torque is the recorded torque, plus the torque of the feedback if there is one.
+        """
         state, gain, h = self.state, self.feedback, self.windows.step / self.substeps
         torque = self._recorded(self.windows.torque, step)
         dq = state.half + 0.5 * h * state.ddq
@@ -283,7 +289,7 @@ class _Dynamics:
         self.depends_on_load = any("load" in symbols(law.expression) for _, law in model.laws)
 
     def mass(self, q: Array) -> Array:
-        """Mass matrices (W, n, n) at positions (W, n)."""
+        """Mass matrices of links and rotors at positions (W, n), shape (W, n, n) [kg·m² or kg]."""
         return self.model.mass_matrix(q, self.theta)
 
     def bias(self, q: Array, dq: Array) -> Array:
@@ -291,7 +297,12 @@ class _Dynamics:
         return kernel.inverse_dynamics(self.model.tree, self.inertial, q, dq, np.zeros_like(q))
 
     def friction(self, q: Array, dq: Array, ddq: Array, memory: Array) -> tuple[Array, Array, Array]:
-        """Friction without dry friction, its slope by the velocity, and the bound of dry friction, each (W, n)."""
+        """Friction of each joint in W windows, in three parts of shape (W, n) each.
+
+        Returns:
+            Friction without dry friction [N·m or N], its derivative by the velocity, and the largest dry friction
+            [N·m or N].
+        """
         if not len(self.entries):
             return np.zeros_like(q), np.zeros_like(q), np.zeros_like(q)
         small = np.full_like(dq, REST)
@@ -304,7 +315,7 @@ class _Dynamics:
         return rest, np.where(dq == 0.0, 0.0, slope), dry
 
     def _torque(self, q: Array, velocities: list[Array], ddq: Array, memory: Array) -> Array:
-        """Torque of the friction terms at the same positions for several velocities, concatenated."""
+        """Torque of the friction terms at positions (W, n) for k arrays of velocities (W, n), shape (k W, n)."""
         times = len(velocities)
         many = np.tile(q, (times, 1))
         acceleration = np.tile(ddq, (times, 1)) if self.depends_on_load else np.zeros_like(many)
@@ -318,7 +329,7 @@ class _Dynamics:
         return torque.T
 
     def updated_memory(self, q: Array, memory: Array) -> Array:
-        """Hysteresis states (W, m) after a motion to q."""
+        """Hysteresis states (W, m) after the joints have moved to the positions q (W, n)."""
         if not self.model.nodes:
             return memory
         driven = np.stack([sum(w * q[:, j] for j, w in node.coordinate) for node in self.model.nodes], axis=1)

@@ -20,8 +20,8 @@ class Losses:
     Attributes:
         ran_away: Number of windows that diverged.
         indefinite: Number of windows in which the mass matrix was not positive definite.
-        nominal: Number of windows that are lost in the simulation with the inertial parameters of the description,
-            without friction.
+        nominal: Number of windows that are lost for either cause in another simulation, with the inertial parameters
+            of the description and without friction.
     """
 
     ran_away: int = 0
@@ -62,7 +62,7 @@ class MotionScore:
 
     @property
     def lost(self) -> int:
-        """Number of windows that are lost with the model."""
+        """Number of windows that are lost in the simulation with the estimated model."""
         return self.losses.ran_away + self.losses.indefinite
 
     def __post_init__(self) -> None:
@@ -111,12 +111,12 @@ def score_motion(simulated: SimulatedWindows, *, tolerance: float = 0.01, path: 
 
 
 def _stayed(error: Array) -> NDArray[np.bool_]:
-    """Mask of windows that are not lost, shape (W,)."""
+    """Mask of windows that are not lost, shape (W,), from position errors (W, S, n) that are NaN after a loss."""
     return np.asarray(np.isfinite(error).all(axis=(1, 2)))
 
 
 def _rms(error: Array) -> Array:
-    """RMS error over the windows that are not lost, for each joint, shape (n,)."""
+    """RMS of position errors (W, S, n) over the windows that are not lost, for each joint, shape (n,) [rad or m]."""
     there = _stayed(error)
     return np.sqrt((error[there] ** 2).mean(axis=(0, 1))) if there.any() else np.full(error.shape[2], np.nan)
 
@@ -127,7 +127,13 @@ def _peak(error: Array) -> Array:
 
 
 def _held(error: Array, tolerance: float, step: float) -> Array:
-    """Median over the windows of the time until the error exceeds the tolerance, for each joint, shape (n,) [s]."""
+    """Median over the windows of the time until the error exceeds the tolerance, for each joint, shape (n,) [s].
+
+    Args:
+        error: Position errors, shape (W, S, n) [rad or m].
+        tolerance: Tolerance of the position error [rad or m].
+        step: Sample time [s].
+    """
     exceeded = ~(np.abs(error) <= tolerance)
     first = np.where(exceeded.any(axis=1), exceeded.argmax(axis=1), error.shape[1] - 1)
     return median(first) * step

@@ -24,9 +24,9 @@ class SimulatedWindows:
     Attributes:
         time: Times of the samples, as in the recording, shape (W, S) [s].
         windows: Recorded motion and torque.
-        found: Motion and torque of the model.
-        nominal: Motion and torque of the model with the inertial parameters of the description, without friction;
-            `None` if the description has no inertial parameters.
+        found: Simulated motion and torque with the given parameters.
+        nominal: Simulated motion and torque with the inertial parameters of the description, without friction; `None`
+            if the description has no inertial parameters.
     """
 
     time: Array
@@ -111,6 +111,12 @@ def _cut(model: DynamicsModel, observations: Observations, seconds: float) -> tu
 
 
 def _whole(run: ObservedRun, first: int, length: int) -> bool:
-    """True if no row of a window is masked."""
+    """True if all rows of a window of a run are in use.
+
+    Args:
+        run: The run.
+        first: Index of the first sample of the window.
+        length: Number of samples of the window.
+    """
     inside = (run.rows >= first) & (run.rows < first + length)
     return bool(run.mask[inside].all())

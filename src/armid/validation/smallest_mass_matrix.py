@@ -23,8 +23,9 @@ STARTS = 16
 """Number of random poses with the smallest eigenvalues from which the search starts."""
 
 ALIKE = 1e-9
-"""Relative difference of eigenvalues below which poses count as equally bad; the eigenvalue may not depend on some
-joints. The first of these poses is returned, so that the result does not depend on rounding."""
+"""Relative difference of the smallest eigenvalues of two poses below which they count as equal; the eigenvalue may
+not depend on some joints. Of poses with equal eigenvalues the first one is returned, so that the result does not
+depend on rounding."""
 
 STEP = 1e-6
 """Step of the central differences of M [rad or m]; the truncation error is 1e-12."""

@@ -18,12 +18,12 @@ from armid.validation.left_out_error import LeftOutError
 from armid.validation.prediction_interval import band_of_rows
 
 CLOSE_TO_TRAINING = 3.0
-"""Largest ratio of the total error on a validation recording to the total error on the training motion that
-passes."""
+"""Largest ratio of the torque error of all joints on a validation recording to that on the training motion with which
+the check passes."""
 
 SMALL_SHARE = 0.02
-"""Largest ratio of the error to the standard deviation of the torque that always passes. It is needed for noise-free
-data, for which the training error is nearly zero."""
+"""Ratio of the torque error of all joints to the standard deviation of the torque up to which the check always
+passes. It is needed for noise-free data, for which the training error is nearly zero."""
 
 COVERED_ROWS = 20_000
 """Approximate number of rows on which prediction intervals are evaluated; of a longer recording, every k-th row is
@@ -32,12 +32,12 @@ used."""
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Condition of the verdict.
+    """Result of one check, on which the verdict of a validation depends.
 
     Attributes:
-        name: Name of the condition.
+        name: Condition that is checked, as text.
         value: Value of the checked quantity.
-        bound: Largest value that passes.
+        bound: Limit of the value.
         ok: True if the condition holds.
     """
 
@@ -48,7 +48,7 @@ class Check:
 
 
 class JointCheck(Check):
-    """Condition for a parameter of one joint."""
+    """Result of a check of a parameter of one joint."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -67,8 +67,8 @@ class Score:
             friction, on the same rows; `None` if the description has no inertial parameters.
         offset: Mean error of the torque in the band: a constant that this recording adds to the predicted torque, for
             instance because a sensor was zeroed again [N·m or N]; empty in records of earlier versions.
-        share: Share of the rows of the recording that count: those in which the hysteresis states are known. 1
-            without hysteresis; `None` if it was not stored with the run.
+        share: Share of the rows that are compared: those in which the hysteresis states are known. It is 1 without
+            hysteresis; `None` if it was not stored with the run.
     """
 
     path: str
@@ -96,7 +96,7 @@ class Score:
 
     @property
     def rms_with_own_offset(self) -> Array:
-        """RMS error if the constant part of the error is known, shape (n,) [N·m or N]; NaN if it is not stored."""
+        """RMS error without the mean error `offset` of the recording, shape (n,) [N·m or N]; NaN if it is unknown."""
         if not len(self.offset):
             return np.full(len(self.rms), np.nan)
         return np.sqrt(np.maximum(self.rms**2 - self.offset**2, 0.0))
@@ -109,8 +109,8 @@ class Validation(Displayed):
     Attributes:
         joints: Names of the joints.
         recordings: Torque error on each recording.
-        verdict: `pass` if every check holds, `fail` if a check does not hold, `not judged` if no data are held out.
-        checks: Conditions of the verdict.
+        verdict: `pass` if every check passes, `fail` if a check fails, `not judged` if no data are held out.
+        checks: Checks on which the verdict depends.
         left_out: Error on training data that were left out of the estimate in turn, and the error expected on another
             recording; `None` if it is not known.
     """
@@ -123,7 +123,7 @@ class Validation(Displayed):
 
     @property
     def subject(self) -> str:
-        """Name of the motion to which the verdict refers."""
+        """Text that names the data to which the verdict refers."""
         if self.recordings or self.verdict == "not judged":
             return "held-out motion"
         if self.left_out is None:
@@ -149,7 +149,8 @@ class PredictedRecording:
     Attributes:
         runs: Measured and predicted torque of each contiguous run.
         every: Number k: intervals are computed for every k-th row of a run.
-        half_widths: Half width of the 95 % prediction interval on these M rows of all runs, shape (M, n) [N·m or N].
+        half_widths: Half width of the 95 % prediction interval on every k-th row of all runs, M rows in total, shape
+            (M, n) [N·m or N].
     """
 
     runs: tuple[Comparison, ...]
@@ -176,7 +177,13 @@ def score(
 ) -> Score:
     """Compares the torque of an estimate with the measured torque of a recording.
 
-    If `prediction` is not given, it is computed.
+    Args:
+        model: Arm and torque terms of the estimate.
+        estimate: The estimate.
+        observations: The processed recording.
+        path: Path of the recording, for the result.
+        sha256: Digest of the recording, for the result.
+        prediction: Predicted torque along the recording; computed if not given.
     """
     prediction = prediction or predict_recording(model, estimate, observations)
     found = _together(prediction.runs)
@@ -238,7 +245,16 @@ def validate(
 
 
 def _checks(rms: Array, spread: Array, description: Array | None, estimate: Estimate, where: str) -> list[Check]:
-    """Conditions for the torque errors (n,) on held-out data, whose names end in `where`."""
+    """Checks of the torque errors on held-out data.
+
+    Args:
+        rms: RMS error of each joint, shape (n,) [N·m or N].
+        spread: Standard deviation of the measured torque of each joint, shape (n,) [N·m or N].
+        description: RMS error with the inertial parameters of the description, shape (n,) [N·m or N]; `None` if it
+            has none.
+        estimate: The estimate, with the errors in training.
+        where: Text that is added to the names of the checks.
+    """
     checks: list[Check] = []
     known = np.isfinite(rms)
     training = float(np.linalg.norm(estimate.fit.residual_rms))
@@ -256,7 +272,7 @@ def _checks(rms: Array, spread: Array, description: Array | None, estimate: Esti
 
 
 def _together(parts: Sequence[Comparison]) -> Comparison:
-    """Comparison of several runs, concatenated."""
+    """Joins the comparisons of measured and predicted torque of several runs to one."""
     return Comparison(
         np.concatenate([part.measured for part in parts]),
         np.concatenate([part.predicted for part in parts]),
@@ -267,18 +283,23 @@ def _together(parts: Sequence[Comparison]) -> Comparison:
 
 
 def _of_known(function: Callable[[Array], Any], values: Array) -> Array:
-    """Function of those values of each column that are not NaN; NaN for a column that has only NaN."""
+    """Applies a function to the values of each column that are not NaN; NaN for a column without such values."""
     columns = [column[~np.isnan(column)] for column in values.T]
     return np.array([float(function(column)) if len(column) else np.nan for column in columns])
 
 
 def _rms(residual: Array) -> Array:
-    """Root mean square of each column, in which NaN is ignored."""
+    """Root mean square of each column of residuals (N, n) without NaN values, shape (n,)."""
     return np.sqrt(_of_known(np.mean, residual**2))
 
 
 def _coverage(prediction: PredictedRecording, residual: Array) -> Array:
-    """Share of the rows of each joint whose error lies inside the 95 % prediction interval, shape (n,)."""
+    """Share of the rows of each joint whose error lies inside the 95 % prediction interval, shape (n,).
+
+    Args:
+        prediction: Predicted torque, with half widths of the interval on every k-th row.
+        residual: Torque errors in the rows of all runs, NaN in masked rows, shape (N, n) [N·m or N].
+    """
     ends = np.cumsum([len(run.mask) for run in prediction.runs])[:-1]
     residual = np.concatenate([part[:: prediction.every] for part in np.split(residual, ends)])
     return _of_known(np.mean, np.where(np.isnan(residual), np.nan, np.abs(residual) <= prediction.half_widths))

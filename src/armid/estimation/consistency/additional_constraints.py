@@ -23,8 +23,8 @@ from armid.estimation.problem import StandardParameters
 from armid.maths.conic_solver import Cone
 
 ROUNDED = 1e-9
-"""Absolute value of the most negative eigenvalue that counts as a rounding error of the description, if the
-pseudo-inertia of a link is given and not estimated."""
+"""Largest violation of a constraint that counts as a rounding error of given values: negative eigenvalue of a given
+pseudo-inertia, or negative distance of a given value from a bound."""
 
 
 class ContradictionError(EstimationError):
@@ -77,7 +77,7 @@ class Feasible:
         return self.origin + self.basis @ x
 
     def unknowns(self, values: Array) -> Array:
-        """Computes the unknowns (x,) whose standard parameters are nearest to the given ones (p,)."""
+        """Computes the unknowns (x,) whose standard parameters are nearest to given standard parameters (p,)."""
         return np.asarray(self.basis.T @ (values - self.origin), dtype=np.float64) / np.sum(self.basis**2, axis=0)
 
 
@@ -113,7 +113,7 @@ def feasible_set(standard: StandardParameters, asked: Requirements, margin: floa
 
 
 def _felt(cone: Cone) -> Cone | None:
-    """Removes from a cone of single bounds the rows that depend on no unknown; `None` if no row remains."""
+    """Removes bounds that depend on no unknown from a cone, after a check of these bounds; `None` if none remain."""
     moves = cone.matrix.any(axis=1)
     if cone.kind == "semidefinite":
         return cone if moves.any() else None

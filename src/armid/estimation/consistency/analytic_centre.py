@@ -24,8 +24,8 @@ from armid.maths.barrier_method import minimise
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
 
 AIM = 1e-6
-"""Difference between the cost and its minimum at which the search ends. For the Hessian, an accuracy of the centre
-of a few hundredths of a standard deviation is sufficient."""
+"""Difference between the cost and its minimum at which the search for the centre ends. The Hessian needs the centre
+only to a few hundredths of a standard deviation."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -50,7 +50,7 @@ def find_centre(
     values: Array,
     basis: Array,
 ) -> AnalyticCentre | None:
-    """Computes the analytic centre; `None` if the search finds no centre, or no start inside the cone.
+    """Computes the analytic centre; `None` if the search finds no centre or no start point inside the cone.
 
     Args:
         standard: The standard parameters.
@@ -91,7 +91,7 @@ def _weight(prior: PriorUse) -> float:
 
 
 def _rows(standard: StandardParameters, belief: Prior, prior: PriorUse) -> tuple[Array, Array]:
-    """Diagonal of the precision, shape (p,), and mean, shape (p,), of the quadratic terms of the prior."""
+    """Quadratic terms of the prior: diagonal of the precision, shape (p,), and mean, shape (p,)."""
     precision = np.diag(belief.precision).copy()
     precision[standard.inertial] *= _weight(prior) if prior.kind == "euclidean" else 0.0
     return precision, belief.mean
@@ -100,7 +100,18 @@ def _rows(standard: StandardParameters, belief: Prior, prior: PriorUse) -> tuple
 def _terms(
     standard: StandardParameters, belief: Prior, prior: PriorUse, correlation: float, values: Array, basis: Array
 ) -> tuple[LogDet, ...]:
-    """Barriers that keep pseudo-inertias definite and nonnegative parameters positive, as functions of the step."""
+    """Barriers that keep pseudo-inertias definite and nonnegative parameters positive.
+
+    They are functions of the change of the x unknowns from the estimate.
+
+    Args:
+        standard: The standard parameters.
+        belief: The prior for weight 1.
+        prior: Kind and weight of the prior in the estimate.
+        correlation: Number of rows that count as one independent sample.
+        values: The estimate, shape (p,).
+        basis: Derivative of the parameters by the unknowns, shape (p, x).
+    """
     terms: list[LogDet] = []
     if prior.kind == "log-det":
         terms.extend(belief.log_det(standard, values, basis, correlation * _weight(prior)))
@@ -119,7 +130,15 @@ def _terms(
 
 
 def _curvature(standard: StandardParameters, belief: Prior, prior: PriorUse, values: Array, basis: Array) -> Array:
-    """Hessian (p, p) of prior and barrier at the centre, in units of one independent sample for each row."""
+    """Hessian of prior and barrier at the centre, if each row of the data is one independent sample, shape (p, p).
+
+    Args:
+        standard: The standard parameters.
+        belief: The prior for weight 1.
+        prior: Kind and weight of the prior in the estimate.
+        values: Standard parameters at the centre, shape (p,).
+        basis: Derivative of the parameters by the x unknowns, shape (p, x).
+    """
     result = belief.curvature(standard, values, _weight(prior))
     if prior.kind != "log-det":
         relative = relative_precision(pseudo_inertia(values[standard.inertial]))

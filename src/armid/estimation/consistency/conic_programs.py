@@ -26,17 +26,19 @@ TRIES = 4
 """Largest number of programs that are solved one after the other from one start point; usually one is enough."""
 
 UNIT = 1e3
-"""Upper limit of the median column length. If small noise makes the columns longer, they are scaled to this
-length."""
+"""Upper limit of the median length of the columns of the whitened rows. If small noise makes the columns longer, the
+unit of the residual is enlarged so that the median has this length."""
 
 THIN = 1e-4
-"""Lower limit of the ratio of a diagonal entry to the largest diagonal entry, when rows of a cone are scaled."""
+"""Lower limit of a diagonal entry of a matrix that must be semidefinite, divided by the largest diagonal entry; it
+limits the factors by which the rows of the cone are scaled."""
 
 ROOM = 0.1
-"""Largest distance of a start point from the boundary of each cone; any positive distance is enough."""
+"""Largest distance from the boundaries of the cones that the search for a start point aims at; any positive distance
+is enough."""
 
 FURTHEST = 1e3
-"""Limit of the norm of a start point, for unknowns that no constraint bounds."""
+"""Upper limit of the norm of a start point; needed because constraints do not bound all unknowns."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -151,7 +153,15 @@ def _starts(A: Array, y: Array, precision: Array) -> list[tuple[Array, list[floa
 def _change(
     feasible: Feasible, A: Array, y: Array, cost: Array, near: Array, size: Array | None
 ) -> tuple[Array, float]:
-    """Minimises ½ |A d - y|² + costᵀ d over the change d (x,) from a point `near`.
+    """Minimises ½ |A d - y|² + costᵀ d over the change d (x,) from a point, so that point + d lies in the cones.
+
+    Args:
+        feasible: Feasible set, which contains the cones.
+        A: Matrix of the least-squares problem, shape (rows, x).
+        y: Right-hand side, shape (rows,).
+        cost: Linear cost, shape (x,).
+        near: The point, shape (x,).
+        size: Units of the unknowns for the solver, shape (x,); one if `None`.
 
     Returns:
         The change d, and an upper bound of the difference between the objective at d and its minimum.

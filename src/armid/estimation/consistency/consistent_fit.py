@@ -70,7 +70,7 @@ class ConsistentProgram:
         standard: The standard parameters.
         asked: Constraints that the options of the estimator ask for, for instance known masses.
         kind: Kind of prior: `mass`, `log-det`, `euclidean` or `none`.
-        belief: The prior.
+        belief: The prior for weight 1.
         correlation: Number of rows that count as one independent sample.
     """
 
@@ -132,6 +132,13 @@ class ConsistentProgram:
         """Solution with a linear or quadratic prior by the conic solver.
 
         If this solution is inaccurate, the result of `_otherwise` is returned.
+
+        Args:
+            feasible: Set of the parameters that meet all constraints.
+            A: Whitened rows in the x unknowns, shape (k, x).
+            y: Right-hand side of the rows, shape (k,).
+            weight: Weight of the links' prior, in independent samples.
+            aim: Difference between the cost and its minimum at which Newton's method ends; `None` for no use of it.
         """
         believed = np.diag(self.belief.precision)
         is_link = np.isin(np.arange(len(believed)), self.standard.inertial)
@@ -153,7 +160,19 @@ class ConsistentProgram:
     def _otherwise(
         self, feasible: Feasible, problem: Smooth, rough: NearestPoint | None, aim: float | None
     ) -> NearestPoint | SmoothSolution:
-        """Solution by Newton's method if `aim` is given, otherwise the inaccurate solution of the conic solver."""
+        """Solution by Newton's method, used if the solution of the conic solver is inaccurate.
+
+        If `aim` is `None` or Newton's method fails, the solution of the conic solver is returned.
+
+        Args:
+            feasible: Set of the parameters that meet all constraints.
+            problem: The problem in the unknowns.
+            rough: Solution of the conic solver; `None` if it failed.
+            aim: Difference between the cost and its minimum at which Newton's method ends.
+
+        Raises:
+            UnsolvedError: Neither solution is accurate enough.
+        """
         trouble = UnsolvedError(
             "The duality gap of the conic solver is too large, so its solution is not accurate.",
             remedy="choose a prior with the option `prior`, or identify with --method log-cholesky.",
@@ -171,7 +190,15 @@ class ConsistentProgram:
         return nearest(feasible, A, y, cost, np.diag(self.belief.precision) @ feasible.basis**2)
 
     def _log_det(self, feasible: Feasible, A: Array, y: Array, weight: float, aim: float) -> BodyConstraints:
-        """Solution with a log-det prior by Newton's method; the bound of eigenvalues is used only if it is active."""
+        """Solution with a log-det prior by Newton's method; the bound of eigenvalues is used only if it is active.
+
+        Args:
+            feasible: Set of the parameters that meet all constraints.
+            A: Whitened rows in the x unknowns, shape (k, x).
+            y: Right-hand side of the rows, shape (k,).
+            weight: Weight of the links' prior, in independent samples.
+            aim: Difference between the cost and its minimum at which Newton's method ends.
+        """
         others = np.setdiff1d(np.arange(len(self.standard.names)), self.standard.inertial)
         root = np.sqrt(self.correlation * np.diag(self.belief.precision)[others])[:, None]
         A = np.concatenate([A, root * feasible.basis[others]])

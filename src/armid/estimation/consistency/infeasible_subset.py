@@ -44,7 +44,7 @@ def _single(asked: Requirements) -> list[tuple[str, Any]]:
 
 
 def _joined(none: Requirements, parts: list[tuple[str, Any]]) -> Requirements:
-    """Combines single requirements, given by option and value, with requirements that are always kept."""
+    """Adds single requirements, given by option and value, to the requirements `none`, which are never removed."""
     options: dict[str, Any] = {}
     for name, value in parts:
         before = options.get(name)

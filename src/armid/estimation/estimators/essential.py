@@ -136,7 +136,11 @@ def _eliminate(values: Array, inverse: Array, choose: Choose) -> NDArray[np.intp
 
 
 def _least_sure(ratio: float, most: float) -> Choose:
-    """Rule `pham-gautier`; the elimination also ends when the squared residual has increased by more than `most`."""
+    """Rule `pham-gautier`: drops the parameter with the largest relative deviation.
+
+    The elimination ends when the largest relative deviation is less than `ratio` times the smallest one, or when
+    the squared residual would increase by more than `most`.
+    """
     total = 0.0
 
     def choose(pi: Array, variance: Array) -> int | None:
@@ -175,7 +179,14 @@ def _correlation(information: Information, full: Fit, inverse: Array) -> float:
 
 
 def _fit(full: Fit, whole: Information, kept: NDArray[np.intp], cost: float) -> Fit:
-    """Makes the fit in which only the parameters `kept` differ from zero."""
+    """Makes the fit in which only some parameters differ from zero.
+
+    Args:
+        full: Fit of all parameters.
+        whole: Factors of all rows, one block.
+        kept: Indices of the parameters that differ from zero, shape (k,).
+        cost: Weighted sum of squared residuals of the fit of all parameters.
+    """
     reduced = restrict(whole, kept)
     solution = Solution(reduced, full.weights)
     values = np.zeros(whole.count)
@@ -197,7 +208,14 @@ def _fit(full: Fit, whole: Information, kept: NDArray[np.intp], cost: float) -> 
 
 
 def _finding(dropped: tuple[str, ...], count: int, rise: float, ratio: float) -> Finding:
-    """Finding that names the dropped parameters and the increase of the residual."""
+    """Finding that names the dropped parameters and the increase of the residual.
+
+    Args:
+        dropped: Names of the dropped parameters.
+        count: Number of all parameters.
+        rise: Relative increase of the weighted residual.
+        ratio: Ratio of the largest to the smallest relative deviation of the remaining parameters.
+    """
     names = f": {', '.join(dropped)}" if dropped else ""
     return Finding(
         "parameters-dropped",

@@ -36,13 +36,14 @@ PATIENCE = 10
 the search has not ended."""
 
 SMALLEST = 1e-7
-"""Lower limit of the diagonal entries of a factor. Without it the search would not end if a body has no thickness."""
+"""Lower limit of the diagonal entries of a triangular factor T. Without this limit, the search would not end if a
+body has no thickness."""
 
 FARTHEST = 4.0
 """Upper limit of the norm of a step, whose entries are changes of logarithms and of the other unknowns."""
 
 DAMPING = 1e-3
-"""Initial damping, divided by the objective, for steps in logarithms."""
+"""Initial damping of the Gauss-Newton steps, divided by the objective."""
 
 SPREAD = 0.5
 """Standard deviation of the random changes of the logarithms with which the second and further searches start."""
@@ -165,7 +166,13 @@ class _End:
 
 
 def _descend(search: _Search, point: _Point, evaluations: int) -> _End:
-    """Minimises by damped Gauss-Newton steps [Marquardt1963], none longer than `FARTHEST`."""
+    """Minimises the objective by damped Gauss-Newton steps [Marquardt1963] of at most the length `FARTHEST`.
+
+    Args:
+        search: Residuals as functions of the unknowns.
+        point: Start point.
+        evaluations: Largest number of evaluations.
+    """
     residual = search.residual(point)
     cost, history = 0.5 * float(residual @ residual), [np.inf]
     damping = DAMPING * cost
@@ -224,7 +231,12 @@ class _Search:
         return _Point(np.array(factors).reshape(-1, 4, 4), np.where(self.positive, 0.1 * self.scale, 0.0))
 
     def moved(self, point: _Point, step: Array) -> _Point:
-        """The point that a step leads to."""
+        """Point of the search after a step from another point.
+
+        Args:
+            point: The point before the step.
+            step: Changes of the unknowns: ten for each link, then one for each other parameter.
+        """
         links = len(point.T)
         entries = step[: 10 * links].reshape(links, 10)
         U = np.zeros((links, 4, 4))

@@ -42,10 +42,10 @@ explains the torque."""
 
 WEIGHTS = np.logspace(4.0, -1.0, 11)
 """Weights of a prior that are tried, the largest first. The largest one keeps links within about 1 % of the
-description; the smallest one hardly holds them."""
+description; with the smallest one, the description has almost no effect."""
 
 TRIED = 1e-4
-"""Difference between cost and minimum at which the solution for a tried weight counts as accurate enough."""
+"""Difference between the cost and its minimum at which the search ends, if a weight of the prior is only tried."""
 
 LEAST_ERROR = 1e-4
 """Lower bound of the ratio of held-out variance to the variance of the residual; all smaller ratios count as this
@@ -78,8 +78,8 @@ class PhysicallyConsistent:
         equal: Lists of names of parameters that have equal values, such as `[["XX_7", "YY_7"]]`.
         fixed: Known values of parameters, such as `{ XY_7 = 0.0 }`.
         known: Numbers of the links that are not estimated; their parameters are taken from the description.
-        noise: Standard deviation of each joint's noise, of which the weights of the rows are made; if not given, that
-            of the residual.
+        noise: Standard deviation of each joint's noise, from which the weights of the rows are computed; if not
+            given, the standard deviation of the residual is used.
         shrinkage: Pull towards zero of friction beyond viscous and Coulomb friction, as a share of the information in
             the part of its column that the other columns do not explain.
     """
@@ -261,7 +261,7 @@ def _number(value: Any) -> bool:
 def _error(held_out: Information, values: Array, weights: Array) -> float:
     """Held-out error of a fold: mean over the joints of log(held-out variance / variance of the residual).
 
-    Without the logarithm, one joint with a large error would determine the choice alone.
+    Without the logarithm, a single joint with a large error would determine the choice of the weight.
     """
     rows = held_out.rows.sum(axis=0)
     counted = rows > 0

@@ -60,8 +60,8 @@ class Ridge:
             `nominal` if the description gives every link a mass.
         weight: Number of independent samples to which the prior is equivalent; with `auto` it is found by
             cross-validation with blocks.
-        noise: Standard deviation of each joint's noise, of which the weights of the rows are made; if not given, that
-            of the residual.
+        noise: Standard deviation of each joint's noise, from which the weights of the rows are computed; if not
+            given, the standard deviation of the residual is used.
         shrinkage: Pull towards zero of friction beyond viscous and Coulomb friction, as a share of the information in
             the part of its column that the other columns do not explain.
     """
@@ -119,7 +119,7 @@ class Ridge:
         return replace(self, weight=_chosen(problem.information, weighted, self._prior(problem, weighted))[0])
 
     def _prior(self, problem: EstimationProblem, weighted: WhitenedSystem) -> _Prior:
-        """Mean and precision of the base parameters for weight 1."""
+        """Prior of the base parameters for weight 1: mean and covariance."""
         standard = problem.require_standard(self.name)
         towards = self.towards
         if towards == "auto":
@@ -151,9 +151,9 @@ class _Prior:
 
 
 def _places(problem: EstimationProblem) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Base parameter and recording of each parameter of the information, shape (parameters,) each.
+    """Index of the base parameter, and number of the recording, of each parameter of the information.
 
-    Base parameters are given by index. The recording is 2 for the copy `FV_1[2]`, and 0 for a common parameter.
+    Both arrays have the shape (parameters,). The number is 2 for the copy `FV_1[2]`, and 0 for a common parameter.
     """
     names = problem.information.names
     copy = np.array([name.recording or 0 for name in names], dtype=np.intp)
@@ -164,7 +164,7 @@ def _places(problem: EstimationProblem) -> tuple[NDArray[np.intp], NDArray[np.in
 
 
 class _Path:
-    """Estimates as a function of the weight of the prior, from whitened rows."""
+    """Estimates of the base parameters from whitened rows, for any weight of the prior."""
 
     def __init__(self, rows: Array, side: Array, prior: _Prior) -> None:
         bodies, others = prior.covariance.bodies, prior.covariance.others
@@ -242,7 +242,17 @@ def _fit(weighted: WhitenedSystem, prior: _Prior, weight: float, how: str) -> Fi
 
 
 def _posterior(rows: Array, side: Array, prior: _Prior, weight: float) -> tuple[Array, Array]:
-    """Covariance (b, b) and values (b,) of the estimate, by singular values of the rows in units of the prior."""
+    """Covariance (b, b) and values (b,) of the estimate with a prior, from a singular value decomposition.
+
+    For the decomposition, the parameters are scaled so that their prior has unit covariance. The values and the
+    covariance in the result are not scaled.
+
+    Args:
+        rows: Whitened rows, shape (k, b).
+        side: Right-hand side of the whitened rows, shape (k,).
+        prior: The prior.
+        weight: Weight of the prior; 0 for no prior.
+    """
     root = root_of(prior.covariance.weighted(weight if weight else 1.0))
     U, sizes, Vt = np.linalg.svd(rows @ root, full_matrices=True)
     sizes = np.concatenate([sizes, np.zeros(Vt.shape[0] - len(sizes))])
@@ -254,7 +264,15 @@ def _posterior(rows: Array, side: Array, prior: _Prior, weight: float) -> tuple[
 
 
 def _findings(names: tuple[str, ...], towards: str, weight: float, how: str, share: Array) -> list[Finding]:
-    """Findings about the weight of the prior, and about parameters that depend more on the prior than on the data."""
+    """Findings about the weight of the prior, and about parameters that depend more on the prior than on the data.
+
+    Args:
+        names: Names of the parameters.
+        towards: Mean of the prior: `nominal` or `zero`.
+        weight: Weight of the prior.
+        how: Text that says how the weight was found.
+        share: Share of each parameter's value that comes from the prior, shape (b,).
+    """
     mean = "the description" if towards == "nominal" else "zero"
     findings = [weight_finding(f"prior towards {mean}", weight, how)]
     dominated = [name for name, part in zip(names, share, strict=True) if part > DOMINATED]

@@ -123,7 +123,7 @@ class RobustLeastSquares:
     def _settle(self, passes: _Passes, loss: _Loss, state: _State, *, moving: bool) -> _State:
         """Repeats iterations until the parameters converge.
 
-        `moving` is true if the scales are computed anew in each one.
+        `moving` is true if the scales of the residuals are computed again in each iteration.
         """
         for k in range(self.iterations):
             updated = passes.improve(state, loss, moving=moving and k < SCALED)
@@ -194,7 +194,7 @@ class _Passes:
         self.free = 1.0 - problem.information.count / max(float(rows.sum()), problem.information.count + 1.0)
 
     def residual(self, batch: Batch, j: int, values: Array) -> Array:
-        """Residuals (M,) of the M rows of joint j in a batch."""
+        """Residuals of the M rows of joint j in a batch, for parameters `values` (b,), shape (M,) [N·m or N]."""
         layout, recording = self.every.source.layout, self.every.observations.runs[batch.run].recording
         numbers = self._numbers(recording)[layout.parameters[j]]
         a, b = layout.offset[j], layout.offset[j + 1]
@@ -224,7 +224,10 @@ class _Passes:
         return np.maximum(middle / (NORMAL_MEDIAN * np.sqrt(self.free)), self.floor)
 
     def improve(self, state: _State, loss: _Loss, *, moving: bool) -> _State:
-        """One iteration: weights from the residuals, then parameters from the weighted rows, then scales."""
+        """Makes one iteration: weights from the residuals, then parameters from the weighted rows, then scales.
+
+        The scales are computed only if `moving` is true.
+        """
         solution = solve(self.weighted(state, loss, blocks=False), 1.0 / state.scale)
         scale = self.scale(solution.values) if moving else state.scale
         return _State(solution.values, scale, loss, np.sqrt(np.diag(solution.inverse)))
@@ -273,9 +276,9 @@ class _Passes:
         )
 
     def _means(self, state: _State, loss: _Loss) -> tuple[Array, Array, NDArray[np.int64]]:
-        """Three values for each joint, shape (n,): κ, mean ψ² / mean weight, and number of small weights.
+        """Three values for each joint, shape (n,): κ, mean ψ² / mean weight, and number of weights below `SLIGHT`.
 
-        The second value is corrected for the degrees of freedom.
+        The second value is corrected for the degrees of freedom; the symbols are those of the module.
         """
         sums = np.zeros((len(self.floor), 4))
         for batch in self.every:

@@ -286,14 +286,15 @@ def _bounds(options: ThesisNLP, standard: StandardParameters, others: NDArray[np
 
 
 MASS, CENTRE, MOMENTS, PRODUCTS = [0], [1, 2, 3], [4, 6, 9], [5, 7, 8]
-"""Positions of the unknowns of a link: mass, centre of mass, moments and products of inertia about it."""
+"""Positions of a link's ten unknowns: mass, centre of mass, and moments and products of inertia about the centre of
+mass."""
 
 
 def _each(option: str, values: Array, count: int) -> Array:
     """Values of an option (count, k) for each link or joint, from one row or from `count` rows.
 
     Raises:
-        EstimationError: There is another number of rows.
+        EstimationError: The number of rows is neither one nor `count`.
     """
     if len(values) not in {1, count}:
         raise EstimationError(
@@ -304,7 +305,7 @@ def _each(option: str, values: Array, count: int) -> Array:
 
 
 def _described(standard: StandardParameters) -> Array:
-    """Bodies of the description, shape (links, 10): mass, centre of mass, and inertia about it.
+    """Bodies of the description, shape (links, 10): mass, centre of mass, and inertia about the centre of mass.
 
     Raises:
         EstimationError: The description does not give every link a mass.
@@ -323,7 +324,12 @@ def _described(standard: StandardParameters) -> Array:
 
 
 def _around(bodies: Array, option: str) -> tuple[Array, Array]:
-    """Lower and upper bounds of the unknowns of an option around the bodies (links, 10) of the description."""
+    """Lower and upper bounds for an option with the value `description`, around the bodies of the description.
+
+    Args:
+        bodies: Mass, centre of mass, and inertia about the centre of mass of each link, shape (links, 10).
+        option: Name of the option: `mass`, `com`, `moment` or `product`.
+    """
     if option == "com":
         return bodies[:, CENTRE] - REACH, bodies[:, CENTRE] + REACH
     moments = np.maximum(bodies[:, MOMENTS], LEAST_MOMENT)

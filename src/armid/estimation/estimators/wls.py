@@ -25,8 +25,8 @@ STANDSTILL = 1e-9
 estimate."""
 
 RESOLUTION = 1e-13
-"""Smallest ratio of residual to torque that double precision resolves. Without it noise-free data would get infinite
-weights, and the weights of data with rounding errors only would never converge."""
+"""Lower limit of the ratio of residual to torque, which double precision resolves. Without this limit, noise-free
+data would get infinite weights, and the weights of data with rounding errors only would never converge."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,36 +21,39 @@ LOWEST_RATIO = 0.1
 by chance does not outweigh all others."""
 
 LARGE = 0.1
-"""Minimum gain, as a share of the squared error, of an effect that only few folds show, such as slow reversals."""
+"""Minimum gain of a candidate that reduces the error on few folds only, as a share of the squared error. Effects at
+slow reversals, for instance, appear on few folds."""
 
 BEYOND_BEST = 0.02
-"""Minimum gain of such an effect on all folds except the best, as a share of the squared error, so that no fold
-decides alone."""
+"""Minimum gain, on all folds except the best, of a candidate that reduces the error on few folds only, as a share of
+the squared error. Without it, a single fold could decide."""
 
 GAIN_OVER_LOSS = 10.0
-"""Minimum ratio of the gain on all folds except the best to the loss on the other folds. It replaces the standard
-error, which is large for such effects."""
+"""Minimum ratio of gain to loss for a candidate that reduces the error on few folds only: gain on all folds except
+the best, loss on the folds on which the error increases. It replaces the criterion of the standard error, which is as
+large as the gain of such a candidate."""
 
 SHARED_MARGIN = 0.5
-"""Factor by which the margin of a single joint is reduced if the candidate is accepted for the whole arm."""
+"""Factor on the required number of standard errors of an option's gain on a joint, if the option is already accepted
+for the whole arm."""
 
 OWN_CHOICE_MARGIN = 2.0
 """Number of standard errors by which a joint's best candidate must be better than the candidate chosen for the
 arm."""
 
 REJECTION_MARGIN = 1.0
-"""Number of standard errors by which the error must increase for a candidate to be rejected, if all parameters are
-estimated again without the fold."""
+"""Number of standard errors of the gain: a candidate is rejected if it increases the held-out error by more, when all
+parameters are estimated without the held-out fold."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CandidateGain:
-    """Gain of an option of a family on one joint, with one shrinkage.
+    """Gain of one option of a family of friction laws on one joint, for one value of the shrinkage.
 
     Attributes:
         joint: Index of the joint.
         option: Index of the option in its family.
-        candidates: Candidates of the option.
+        candidates: Friction candidates that the option adds together.
         ridge: Shrinkage of the columns of the candidates, as a share of the squared length of each column.
         gains: Reduction of the joint's squared error on each of the F folds, as a share of its error on all folds,
             shape (F,).
@@ -67,12 +70,20 @@ class CandidateGain:
 
     @property
     def gain(self) -> float:
-        """Reduction of the joint's squared error on all folds, as a share."""
+        """Reduction of the joint's squared error on all folds together, as a share of this error."""
         return float(self.gains.sum())
 
 
 def choose_for_arm(family: CandidateFamily, measured: list[CandidateGain]) -> list[CandidateGain] | None:
-    """Chooses the option with the largest sum of gains over all joints; `None` if the gain is not significant."""
+    """Chooses the option with the largest sum of gains over all joints.
+
+    Args:
+        family: Family of friction laws.
+        measured: Gains of all options of the family on all joints.
+
+    Returns:
+        Gains of the chosen option on the joints; `None` if the gain is not significant.
+    """
     groups: dict[tuple[int, float], list[CandidateGain]] = {}
     for each in measured:
         groups.setdefault((each.option, each.ridge), []).append(each)
@@ -87,10 +98,15 @@ def choose_for_arm(family: CandidateFamily, measured: list[CandidateGain]) -> li
 def choose_for_joint(
     family: CandidateFamily, of_joint: list[CandidateGain], shared: list[CandidateGain] | None
 ) -> CandidateGain | None:
-    """Chooses the option of a joint.
+    """Chooses the option of a family for a joint; `None` if no option has a significant gain.
 
     The option of the whole arm is used, unless another option is significantly better on this joint. If no option was
     chosen for the arm, the best option of the joint is used, provided that its gain is significant.
+
+    Args:
+        family: Family of friction laws.
+        of_joint: Gains of all options of the family on this joint.
+        shared: Gains of the option of the whole arm on this joint; `None` or empty if no option was chosen.
     """
     if not of_joint:
         return None
@@ -105,8 +121,9 @@ def choose_for_joint(
 
 
 def _is_clear(gains: Array, changes: Array, margin: float, min_gain: float) -> bool:
-    """Tests whether a gain is large enough, and significant compared with its scatter between folds.
+    """Tests whether a gain is above `min_gain`, and significant compared with its scatter between folds.
 
+    The gain is significant if it is more than `margin` standard errors.
     One fold on which the model is very inaccurate may contribute most of the gain and of its scatter. So the gain is
     also significant if the logarithms of the error ratios are significant, or if the error decreases on every fold,
     which happens by chance once in 256 trials of eight folds.
@@ -130,11 +147,16 @@ def _gains_on_few(gains: Array) -> bool:
 
 
 def error_log_ratios(gains: Array, squares: Array) -> Array:
-    """Logarithm of the ratio of squared errors with and without a candidate on each of the F folds, shape (F,)."""
+    """Logarithm of the ratio of squared errors with and without a candidate on each of the F folds, shape (F,).
+
+    Args:
+        gains: Reduction of the squared error by the candidate on each fold, shape (F,).
+        squares: Squared error without the candidate on each fold, shape (F,).
+    """
     share = np.divide(gains, squares, out=np.zeros_like(gains), where=squares > 0.0)
     return np.log(np.maximum(1.0 - share, LOWEST_RATIO))
 
 
 def standard_error(gains: Array) -> float:
-    """Standard error of the sum of gains over the folds."""
+    """Standard error of the sum over the F folds of gains (F,), from their scatter between folds."""
     return float(np.std(gains, ddof=1) * np.sqrt(len(gains)))

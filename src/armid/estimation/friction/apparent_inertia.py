@@ -22,13 +22,15 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RotorInertia
 
 CLEAR = 5.0
-"""Standard deviations by which an inertia must be negative, as for findings about systematic errors. With 3, joints 1
-and 2 of the LWR4+ and the Panda were up to a fifth worse on what was left out."""
+"""Number of standard deviations below zero from which a rotor inertia may stay negative; findings about systematic
+errors have the same limit. With 3, the left-out errors of joints 1 and 2 of the LWR4+ and the Panda were up to a
+fifth larger."""
 
 WHOLE = 1.0
-"""Largest share of the joint's inertia by the description that may be missing: with more, a torque would make the
-joint move the other way. Without this limit, slow recordings of the Med 7 gave wrists negative inertias of more than
-a hundred times that of the links, and errors on the other recording 1.5 times as large in the mean."""
+"""Largest ratio of a negative rotor inertia to the inertia of the joint by the description. With a larger ratio, the
+sum of both would be negative, and a torque would accelerate the joint in the opposite direction. Without this limit,
+slow recordings of the Med 7 gave the wrists negative inertias of more than a hundred times that of the links, and the
+mean error on the other recording was 1.5 times as large."""
 
 SYMBOL = "IA"
 """Symbol of rotor inertia."""
@@ -40,12 +42,12 @@ POSES = 200
 def with_signed_inertia(
     problem: EstimationProblem, weight: float, drifting: tuple[str, ...]
 ) -> tuple[DynamicsModel, EstimationProblem]:
-    """Model and problem in which rotor inertia may be negative on the joints whose data clearly say so.
+    """Model and problem in which rotor inertia may be negative on the joints whose data clearly require it.
 
     Args:
         problem: Problem of the model without candidates.
         weight: Weight of the prior of the bodies [independent samples].
-        drifting: Names of offsets that each recording has of its own.
+        drifting: Names of the offsets that have a separate value in each recording.
     """
     model, base, observations = problem.require_samples("friction selection")
     standard = problem.require_standard("friction selection")
@@ -80,7 +82,13 @@ def _signed(model: DynamicsModel, rotor: RotorInertia, joints: tuple[str, ...]) 
 
 
 def _mean_inertia(model: DynamicsModel, nominal: Array, observations: Observations) -> Array:
-    """Inertia of each joint by the description, mean over the recorded poses, shape (n,) [kg·m² or kg]."""
+    """Inertia about each joint by the description, mean over the recorded poses, shape (n,) [kg·m² or kg].
+
+    Args:
+        model: The model.
+        nominal: Standard parameters of the description, shape (p,).
+        observations: Recordings with the poses.
+    """
     q = np.concatenate([run.motion.q[run.rows][run.mask.any(axis=1)] for run in observations.runs])
     some = q[:: max(1, len(q) // POSES)]
     return np.diagonal(model.mass_matrix(some, nominal), axis1=1, axis2=2).mean(axis=0)

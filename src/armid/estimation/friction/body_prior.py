@@ -48,16 +48,17 @@ samples]. Larger weights, as cross-validation finds them for a Gaussian prior, p
 worse."""
 
 ENOUGH = 2.2
-"""Independent samples of a joint for each base parameter from which held-out blocks of the same recordings tell
-bodies from friction. With fewer, a Gaussian prior was better on held-out blocks of the LWR4+ and the Med 7, and worse
-on their other recordings, up to three times the error of plain least squares. Consistent bodies were not."""
+"""Smallest number of independent samples of a joint for each base parameter, with which held-out blocks of the same
+recordings can distinguish bodies from friction. With fewer samples of the LWR4+ and the Med 7, a Gaussian prior was
+better on held-out blocks, but worse on the other recordings: up to three times the error of plain least squares.
+Consistent bodies did not have such errors."""
 
 STRENGTHS = np.logspace(4.0, -4.0, 17)
 """Weights of the prior that are tried, in independent samples, the largest first."""
 
 MARGIN = 0.05
-"""Mean over the joints of the logarithm of the ratio of squared held-out errors up to which the first estimator
-counts as equal: 2.5 % of the error."""
+"""Largest log ratio of the squared held-out errors of two estimators, mean over the joints, with which the first one
+counts as equally good; it corresponds to an RMS error that is 2.5 % larger."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -75,17 +76,17 @@ class BodyPrior:
     rows: float
 
     def weighted(self, weight: float) -> GainPrior:
-        """The prior with a weight of the bodies in independent samples; weight 0 is no prior."""
+        """Prior with a given weight of the bodies [independent samples]; weight 0 means no prior."""
         return GainPrior(self.mean, self.rows * self.covariance.precision(weight))
 
     def errors(self, short_folds: HeldOutFolds, own: NDArray[np.intp], kept: NDArray[np.intp], ridge: Array) -> Array:
-        """Weighted squared held-out error of each of `STRENGTHS` on each of F folds, shape (weights, F).
+        """Weighted squared held-out error for each weight in `STRENGTHS` on each of F folds, shape (weights, F).
 
         Args:
-            short_folds: Data in folds, with any prior.
+            short_folds: Data in folds; the prior in them is replaced.
             own: Positions of the base parameters among the parameters of the data.
-            kept: Positions of the parameters of the model.
-            ridge: Shrinkage of each parameter, in shares of the squared length of its column.
+            kept: Positions of the parameters that are estimated.
+            ridge: Shrinkage of each parameter, in shares of the squared length of its column, shape (b,).
         """
         count = len(ridge)
         return np.stack(
@@ -143,7 +144,7 @@ def weight_for_estimate(errors: Array, *, contradicted: bool) -> float:
 
     Args:
         errors: Held-out error of each of `STRENGTHS` on each fold, shape (weights, F).
-        contradicted: Whether the data contradict the bodies of the description.
+        contradicted: True if the data contradict the bodies of the description.
     """
     if contradicted:
         return float(STRENGTHS[::-1][one_standard_error(errors[::-1])])
@@ -153,16 +154,16 @@ def weight_for_estimate(errors: Array, *, contradicted: bool) -> float:
 def suitable_method(
     problem: EstimationProblem, weighted: WhitenedSystem, drifting: tuple[str, ...], ridge_weight: float
 ) -> tuple[str, bool]:
-    """Estimator that is suitable for the bodies, judged without further friction.
+    """Estimator that is suitable for the bodies, chosen with the model without friction candidates.
 
     Args:
         problem: Problem of the model without candidates.
         weighted: The whitened data.
-        drifting: Names of offsets that each recording has of its own.
+        drifting: Names of the offsets that have a separate value in each recording.
         ridge_weight: Weight of the Gaussian prior with the smallest held-out error.
 
     Returns:
-        The estimator, and whether the data contradict the bodies of the description.
+        Name of the estimator, and true if the data contradict the bodies of the description.
     """
     if not problem.require_standard("friction selection").described:
         return Ridge.name, False
@@ -187,7 +188,7 @@ def predicts_as_well(problem: EstimationProblem, first: Estimator, second: Estim
     Args:
         problem: Data and standard parameters.
         first: Estimator that is preferred.
-        second: The other estimator; it is not better where there are too few blocks to judge.
+        second: The other estimator. If there are too few blocks for a comparison, the result is true.
     """
     if not can_cross_validate(problem.information):
         return True
@@ -205,7 +206,7 @@ def predicts_as_well(problem: EstimationProblem, first: Estimator, second: Estim
 
 
 def _held_out(problem: EstimationProblem, method: Estimator, part: Fold) -> Array:
-    """Squared error of each joint on a fold that is left out, shape (n,)."""
+    """Sum of squared errors of each joint on a fold that was left out of the estimate, shape (n,) [(N·m)² or N²]."""
     return held_out_squares(part.held_out, method.solve(replace(problem, information=part.training)).values)
 
 

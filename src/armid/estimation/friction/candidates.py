@@ -40,8 +40,8 @@ MAX_UNKNOWN = 0.2
 exclude more rows loses more accuracy than the term usually gains."""
 
 TURN = 2.0 * np.pi
-"""Smallest range of the phase of a ripple in a joint's rows [rad]: one period. Over less, a ripple resembles gravity
-or an offset, and its torque elsewhere is an extrapolation."""
+"""Smallest range of the phase of a ripple in a joint's rows with which the ripple is a candidate [rad]: one period.
+Over less, a ripple resembles gravity or an offset, and its torque at other positions is an extrapolation."""
 
 
 def friction_families() -> tuple[CandidateFamily, ...]:
@@ -55,7 +55,7 @@ def friction_families() -> tuple[CandidateFamily, ...]:
 
 
 def choice_of(term: str) -> AutomaticChoice:
-    """Entry of a torque term, given by name, in the automatic selection of friction."""
+    """Properties of a torque term, given by its name, in the automatic selection of friction."""
     choice = automatic_choice(TERMS[term])
     assert choice is not None, f"{term} is no candidate"
     return choice
@@ -211,7 +211,14 @@ def _width(model: DynamicsModel) -> float:
 
 
 def _term(name: str, shapes: tuple[float, ...], width: float, joints: tuple[str, ...] | None = None) -> Term:
-    """Makes the torque term with a given name and the shapes of candidates."""
+    """Makes the torque term with a given name and given shapes of its laws.
+
+    Args:
+        name: Name of the term.
+        shapes: Shapes of the laws.
+        width: Velocity over which the sign of Coulomb friction changes [rad/s or m/s].
+        joints: Names of the joints on which the term acts; all joints if not given.
+    """
     return choice_of(name).make(shapes, width, joints)
 
 
@@ -226,7 +233,7 @@ def depends_on_load(laws: Iterable[Law]) -> bool:
 
 
 def _resolved_share(model: DynamicsModel, candidate: Candidate, observations: Observations) -> NDArray[np.float64]:
-    """Share of a law's effect near standstill that remains after the low-pass filter, shape (n,)."""
+    """Share of a candidate's effect near standstill that remains after the low-pass filter, for each joint, (n,)."""
     width = _width(model)
     term = _term(candidate.term, (candidate.shape,), width)
     if choice_of(candidate.term).resolution == "height":
@@ -237,7 +244,7 @@ def _resolved_share(model: DynamicsModel, candidate: Candidate, observations: Ob
 
 
 def _speeds(model: DynamicsModel, observations: Observations) -> NDArray[np.float64]:
-    """Speed that each joint has reached in its rows, shape (n,) [rad/s or m/s]."""
+    """Speed that each joint has reached in its rows: quantile `SPEED_QUANTILE`, shape (n,) [rad/s or m/s]."""
     result = np.zeros(model.n)
     for j in range(model.n):
         speeds = [np.abs(run.motion.dq[run.rows, j][run.mask[:, j]]) for run in observations.runs]
@@ -257,7 +264,7 @@ def _angles(model: DynamicsModel, observations: Observations) -> NDArray[np.floa
 
 
 def _slope(candidate: Candidate, law: Expression) -> Expression:
-    """Derivative of a friction law with respect to the logarithm of its shape."""
+    """Expression for the derivative of a candidate's friction law with respect to the logarithm of its shape."""
     log_slope = choice_of(candidate.term).log_slope
     assert log_slope is not None, f"the shape of {candidate.term} is not refined"
     return log_slope(law, candidate.shape)

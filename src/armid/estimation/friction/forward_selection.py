@@ -29,24 +29,26 @@ from armid.estimation.friction.candidates import Candidate, CandidateFamily, Can
 from armid.estimation.friction.heldout_gains import HeldOutFolds, Reduced
 
 SHRINKAGE = 0.01
-"""Shrinkage of the added columns in trial and estimate, in shares of the squared length of the part of each column
-that the model without candidates does not explain: just enough to distribute a torque among similar columns. In
-shares of the whole column, a law that resembles viscous friction was shrunk by a tenth to a third, far outside its
-interval."""
+"""Shrinkage of the added friction columns in trial and estimate. The unit is the squared length of the part of each
+column that the model without candidates does not explain. The value is just enough to distribute a torque among
+similar columns. In units of the whole column, a law that resembles viscous friction was shrunk by a tenth to a third,
+far outside its interval."""
 
 PASSES = 4
 """Largest number of passes over all families: a small effect becomes significant only after larger effects are in the
 model."""
 
 LEAST_WIDTH_GAIN = 0.002
-"""Smallest reduction of a joint's squared held-out error by one width of hysteresis, as a share. With 0.005, a joint
-of a simulated arm with two elements of hysteresis had 1.37 times the error of a model that knows its friction."""
+"""Smallest reduction of a joint's squared held-out error, as a share of this error, with which a single width of
+hysteresis stays in the model. With 0.005, a joint of a simulated arm with two elements of hysteresis had 1.37 times
+the error of a model with the true friction."""
 
 CLEAR_REMAINDER = 0.5
-"""Number of standard errors by which the widths that remain of an option must reduce the held-out error. Without it,
-the widest width, which is never removed for itself, made joint 3 of the iiwa 14 1.29 times worse than plain least
-squares on a left-out segment, and three widths stayed on a joint without hysteresis. A minimum of 1 % besides costs
-the LWR4+ a tenth of its accuracy on the other recording, which is faster."""
+"""Number of standard errors by which the remaining widths of a hysteresis option must together reduce the held-out
+error; otherwise the option is withdrawn. Without this limit, the widest width, which is never removed as a single
+width, made the error of joint 3 of the iiwa 14 on a left-out segment 1.29 times that of plain least squares, and
+three widths stayed on a joint without hysteresis. An additional minimum of 1 % costs the LWR4+ a tenth of its
+accuracy on the other recording, which is faster."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,10 +58,11 @@ class HeldOutTrial:
     Attributes:
         joint: Index of the joint.
         family: The kind of friction.
-        candidates: Candidates of the option.
-        gain: Reduction of the joint's squared held-out error, as a share; negative where the error grows.
+        candidates: Friction candidates that the option adds together.
+        gain: Reduction of the joint's squared held-out error, as a share of this error; negative if the error
+            increases.
         deviation: Standard error of the gain, from the scatter between folds.
-        chosen: Whether the option was selected.
+        chosen: True if the option was selected.
     """
 
     joint: int
@@ -82,8 +85,8 @@ class SelectedCandidate:
     Attributes:
         family: The kind of friction.
         joint: Index of the joint.
-        candidates: Candidates of the option.
-        ridge: Shrinkage of the columns of the option in its trial.
+        candidates: Friction candidates that the option adds together.
+        ridge: Shrinkage of the columns of the option in its trial, in shares of the squared length of each column.
     """
 
     family: str
@@ -109,7 +112,7 @@ class SelectionPath:
     trials: tuple[HeldOutTrial, ...]
 
     def chosen(self, joints: int) -> tuple[frozenset[Candidate], ...]:
-        """Selected candidates of each of `joints` joints."""
+        """Set of the selected candidates of each joint; `joints` is the number of joints."""
         by_joint: list[set[Candidate]] = [set() for _ in range(joints)]
         for each in self.selected:
             by_joint[each.joint] |= set(each.candidates)
@@ -217,10 +220,10 @@ class _Search:
         return bool(selected)
 
     def combined(self) -> CandidateFamily:
-        """Family with one option for each joint, which combines options with a large but not significant gain.
+        """Makes a family with at most one option for each joint, which combines options that were not accepted.
 
-        Two effects that are missing in the model can hide each other. So for each joint the best option of every
-        family whose gain is at least `LARGE` becomes part of the combination.
+        Two effects that are missing in the model can hide each other. So for each joint, the best option of every
+        family becomes part of the combination if its gain is above `LARGE`, although it was not significant.
         """
         options: list[tuple[Candidate, ...]] = []
         for joint, chosen in enumerate(self.chosen):
@@ -241,7 +244,10 @@ class _Search:
         self.selected.append(selected)
 
     def prune(self, families: set[str]) -> None:
-        """Removes options that no longer reduce the held-out error of the whole model, the last selected first."""
+        """Removes options of some families that no longer reduce the held-out error of the whole model.
+
+        The option that was selected last is tested first.
+        """
         error = self._errors().sum()
         for each in tuple(reversed(self.selected)):
             if each.family not in families:
@@ -281,10 +287,10 @@ class _Search:
             self.trials[each.joint, others] = replace(trial, candidates=others)
 
     def withdraw_remainders(self) -> None:
-        """Withdraws hysteresis whose remaining widths together have no clear gain in the whole model.
+        """Withdraws hysteresis options whose remaining widths together have no significant gain in the whole model.
 
-        An option is accepted for the gain of all of its widths. What remains may have none: the widest one is never
-        removed for itself, and it resembles a spring.
+        An option is accepted for the gain of all of its widths. The widths that remain after the removal of single
+        widths may have no gain: the widest one is never removed as a single width, and it resembles a spring.
         """
         for each in tuple(self.selected):
             if not choice_of(each.candidates[0].term).is_sum:
@@ -297,7 +303,14 @@ class _Search:
                 self._withdraw(each)
 
     def _reduced(self, short_folds: HeldOutFolds, *, refit_all: bool) -> Reduced:
-        """Products after elimination of the columns of the present model; stored until the model changes."""
+        """Products of the candidates after elimination of the columns of the present model.
+
+        The result is stored until the model changes.
+
+        Args:
+            short_folds: Data in folds.
+            refit_all: True if all parameters are estimated without the fold; false if only those of a candidate are.
+        """
         key, state = (short_folds is self.long_folds, refit_all), tuple(self.selected)
         if key not in self.cache or self.cache[key][0] != state:
             self.cache[key] = state, short_folds.reduced(self.columns, self.ridge, refit_all=refit_all)
@@ -348,7 +361,16 @@ class _Search:
         return measured
 
     def _contradicted(self, choice: CandidateGain, strict: Reduced, on_long_folds: Reduced | None) -> bool:
-        """True if an option increases the error on long folds, or with all parameters estimated without the fold."""
+        """True if the gain of an option is not confirmed when all parameters are estimated without the fold.
+
+        The option must not increase the error significantly. An option that depends on the pose must reduce the
+        error, also on long folds.
+
+        Args:
+            choice: Gain of the option, with all other parameters estimated from all data.
+            strict: Products with all parameters estimated without the fold.
+            on_long_folds: Products on long folds for an option that depends on the pose; otherwise `None`.
+        """
         columns = self._columns(choice.joint, choice.candidates)
         gains = strict.gains(choice.joint, columns, choice.ridge)
         if gains is None or any(each.sum() < -REJECTION_MARGIN * standard_error(each) for each in gains):
@@ -364,7 +386,13 @@ class _Search:
         return bool(gain.sum() <= 0.0 and error_log_ratios(gain, squares).sum() >= 0.0)
 
     def _record(self, family: CandidateFamily, of_joint: list[CandidateGain], choice: CandidateGain | None) -> None:
-        """Records the trial of every option."""
+        """Records the trials of all options of a family on one joint.
+
+        Args:
+            family: The family.
+            of_joint: Gains of its options on the joint.
+            choice: The option that was selected; `None` if none was.
+        """
         for each_gain in sorted(of_joint, key=lambda each_gain: (each_gain is choice, each_gain.gain)):
             deviation = standard_error(each_gain.gains)
             self.trials[each_gain.joint, each_gain.candidates] = HeldOutTrial(

@@ -45,12 +45,12 @@ class GainPrior:
 
     @property
     def products(self) -> Array:
-        """Normal matrix of data equivalent to the prior, with the right-hand side last, shape (b + 1, b + 1)."""
+        """Normal matrix of data that are equivalent to the prior, right-hand side last, shape (b + 1, b + 1)."""
         half = self.precision @ self.mean
         return np.block([[self.precision, half[:, None]], [half[None], np.array([[half @ self.mean]])]])
 
     def embedded(self, count: int, own: NDArray[np.intp]) -> GainPrior:
-        """The prior on a larger set of parameters, without information on the added ones.
+        """The same prior on a larger set of parameters, without information about the added parameters.
 
         Args:
             count: Number of parameters of the larger set.
@@ -68,14 +68,19 @@ class GainPrior:
 class Reduced:
     """Products of r candidate columns and the torque (last) in F folds, after elimination of the model's columns.
 
+    The symbols S and M are those of the module.
+
     Attributes:
         training: Products S over the training blocks of each fold, shape (F, r + 1, r + 1).
         held_out: Products M over the held-out rows of all joints, shape (F, r + 1, r + 1).
-        own: Products M over the held-out rows of each joint j and its r_j columns, shapes (F, r_j + 1, r_j + 1).
-        joint_position: Position of each of the b parameters among the r_j of each joint, otherwise -1, shape (n, b).
-        size: Squared length of each column in training, before the elimination, shape (F, r).
-        position: Position of each of the b parameters among the r candidates; -1 for those of the model, shape (b,).
-        squares: Weighted squared residuals of the model on each fold and joint, shape (F, n).
+        own: For each joint j, products M of its r_j candidate columns over its held-out rows, shapes (F, r_j + 1,
+            r_j + 1).
+        joint_position: Position of each of the b parameters among the r_j candidates of each joint, -1 for all other
+            parameters, shape (n, b).
+        size: Squared length of each candidate column in training, before the elimination, shape (F, r).
+        position: Position of each of the b parameters among the r candidates; -1 for parameters of the model, shape
+            (b,).
+        squares: Weighted sum of squared residuals of the model for each fold and joint, shape (F, n).
     """
 
     training: Array
@@ -87,7 +92,7 @@ class Reduced:
     squares: Array
 
     def gains(self, joint: int, columns: NDArray[np.intp], ridge: float) -> tuple[Array, Array] | None:
-        """Reduction of the squared residual on each fold by columns of a joint; `None` if a column is zero.
+        """Reduction of the squared residual on each fold by candidate columns of a joint; `None` if one is zero.
 
         Args:
             joint: Index of the joint.
@@ -95,7 +100,7 @@ class Reduced:
             ridge: Shrinkage, in shares of the squared length of each column.
 
         Returns:
-            Reduction of the squared residual of the joint, and of all joints together, shapes (F,).
+            Reduction of the squared residual of the joint, shape (F,), and of all joints together, shape (F,).
         """
         at, own = self.position[columns], self.joint_position[joint, columns]
         if (self.size[:, at] <= 0.0).any():
@@ -113,8 +118,8 @@ class HeldOutFolds:
     Attributes:
         parts: Information of each fold.
         held_out: Weighted products of each fold, with the torque as the last column, shape (F, b + 1, b + 1).
-        training: Products of the training blocks of each fold, which exclude its neighbours, shape (F, b + 1, b +
-            1).
+        training: Products of the training blocks of each fold, without the blocks next to the fold, shape (F, b + 1,
+            b + 1).
         whole: Products of all blocks, shape (b + 1, b + 1).
         weights: Weight of each joint's rows, shape (n,).
         prior: Prior on the parameters.
@@ -131,7 +136,7 @@ class HeldOutFolds:
     base: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
     def solve(self, products: Array, kept: NDArray[np.intp], ridge: Array) -> Array:
-        """Solves normal equations, prior included, for the parameters (b,); parameters that are not kept are zero.
+        """Solves normal equations, prior included, for the parameters (b,); parameters outside `kept` are zero.
 
         Args:
             products: Normal matrix of the columns, with the torque as the last one, shape (b + 1, b + 1).
@@ -143,7 +148,14 @@ class HeldOutFolds:
         return values
 
     def errors(self, kept: NDArray[np.intp], ridge: Array) -> Array:
-        """Squared residuals (F, n) of each joint on each fold, with all parameters estimated without the fold."""
+        """Sum of squared residuals of each joint on each held-out fold, shape (F, n), unweighted.
+
+        All parameters are estimated without the fold.
+
+        Args:
+            kept: Indices of the parameters that are estimated.
+            ridge: Shrinkage, in shares of the squared length of each column, shape (b,).
+        """
         return np.stack(
             [
                 held_out_squares(part, self.solve(products, kept, ridge))
@@ -186,7 +198,15 @@ class HeldOutFolds:
     def _joint_products(
         self, part: Information, joint: int, columns: NDArray[np.intp], kept: NDArray[np.intp], E: Array
     ) -> Array:
-        """Products of a joint's candidate columns and torque in a fold, after elimination of the model's columns."""
+        """Products of a joint's candidate columns and torque in a fold, after elimination of the model's columns.
+
+        Args:
+            part: Information of the fold.
+            joint: Index of the joint.
+            columns: Positions of the joint's candidate columns.
+            kept: Positions of the model's columns.
+            E: Coefficients with which the model's columns fit these columns and the torque (last).
+        """
         factors = part.joints[joint]
         number = np.full(part.count, -1, dtype=np.intp)
         number[factors.parameters] = np.arange(len(factors.parameters))
@@ -196,7 +216,11 @@ class HeldOutFolds:
         return left.T @ left
 
     def _length(self, products: Array) -> Array:
-        """Squared length of each column that the columns of `base` do not explain, plus `OF_WHOLE`, shape (b,)."""
+        """Squared length of each column, in units of which the shrinkage is given, shape (b,).
+
+        For columns outside `base`, it is the squared length of the part that the columns of `base` do not explain,
+        plus `OF_WHOLE` times the squared length of the whole column.
+        """
         length = np.maximum(np.diag(products)[:-1].copy(), 0.0)
         if not len(self.base):
             return length
@@ -212,7 +236,7 @@ class HeldOutFolds:
         return length
 
     def _elimination(self, products: Array, kept: NDArray[np.intp], ridge: Array, rest: NDArray[np.intp]) -> Array:
-        """Coefficients (kept, rest) with which the kept columns fit the other columns, with the prior added."""
+        """Coefficients of the fit of the columns `rest` by the columns `kept`, prior included, shape (kept, rest)."""
         H = products + self.prior.products
         A = H[np.ix_(kept, kept)]
         if ridge[kept].any():
@@ -253,7 +277,10 @@ def make_folds(
 
 
 def _products(information: Information, chosen: NDArray[np.bool_], weights: Array) -> Array:
-    """Σ_j w_j² R_jᵀ R_j of some blocks, shape (b + 1, b + 1)."""
+    """Weighted products Σ_j w_j² R_jᵀ R_j over the chosen blocks, shape (b + 1, b + 1).
+
+    R_j is the triangular factor of joint j with the torque as the last column, and w_j the weight of the joint.
+    """
     b = information.count
     result = np.zeros((b + 1, b + 1))
     for weight, joint in zip(weights, information.joints, strict=True):
@@ -264,12 +291,18 @@ def _products(information: Information, chosen: NDArray[np.bool_], weights: Arra
 
 
 def _schur_complement(products: Array, kept: NDArray[np.intp], rest: NDArray[np.intp], E: Array) -> Array:
-    """Products of the other columns, from which their fit by the kept columns (coefficients E) is subtracted."""
+    """Products of the columns `rest` after subtraction of their fit by the columns `kept`, with coefficients E."""
     cross = E.T @ products[np.ix_(kept, rest)]
     return products[np.ix_(rest, rest)] - cross - cross.T + E.T @ products[np.ix_(kept, kept)] @ E
 
 
 def _gain(x: Array, M: Array, at: NDArray[np.intp]) -> Array:
-    """Reduction of the squared residual by coefficients x (F, c), shape (F,)."""
+    """Reduction 2 xᵀ M_cy - xᵀ M_cc x of the squared residual on each of F folds, shape (F,).
+
+    Args:
+        x: Coefficients of the c columns for each fold, shape (F, c).
+        M: Products of all columns for each fold, with the torque y last.
+        at: Positions of the c columns in M, shape (c,).
+    """
     inner = M[:, at[:, None], at]
     return 2.0 * np.einsum("fi,fi->f", x, M[:, at, -1]) - np.einsum("fi,fij,fj->f", x, inner, x)

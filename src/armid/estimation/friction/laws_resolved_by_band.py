@@ -34,20 +34,20 @@ SLOWEST, GRID = 1e-4, 400
 
 
 def passed_height(model: DynamicsModel, term: Term, width: float, observations: Observations) -> Array:
-    """Share of the height of a velocity law that remains after the low-pass filter: maximum over the rows in use.
+    """Share of the height of a velocity law that remains after the low-pass filter, maximum over the rows in use.
 
     Only the part of the law that differs from Coulomb friction is evaluated. For a Stribeck effect this is the whole
     law, for a sigmoid it is the difference between the law and its limit at high speed.
 
     Args:
         model: Arm.
-        term: A law of the velocity alone, on all joints.
+        term: Term with a law that depends only on the velocity, on all joints.
         width: Velocity over which the sign of Coulomb friction changes [rad/s or m/s].
         observations: The training recordings.
 
     Returns:
-        Share for each joint, shape (n,). It is 1 if one row is at the maximum of the law and nothing is filtered, or
-        the rows are separate samples.
+        Share for each joint, shape (n,). If there is no filter, or if the rows are separate samples, it is 1 as soon
+        as one row is at the maximum of the law.
     """
     alone = replace(model, terms=(term,))
     speeds = np.geomspace(SLOWEST, SATURATED, GRID)[:, None] * np.ones(model.n)
@@ -60,7 +60,9 @@ def passed_height(model: DynamicsModel, term: Term, width: float, observations: 
 
 
 def passed_transition(model: DynamicsModel, term: Term, width: float, observations: Observations) -> Array:
-    """Share of the change of a hysteresis element after a reversal that the filter leaves, at most over the rows.
+    """Share of a hysteresis element's transition after a reversal that remains after the low-pass filter.
+
+    It is the maximum over the rows in use.
 
     After a reversal an element changes from -1 to 1 over a travel of two deflections. During this travel it differs
     from Coulomb friction by up to 2. If the filter averages over the transition, the element cannot be distinguished
@@ -68,7 +70,7 @@ def passed_transition(model: DynamicsModel, term: Term, width: float, observatio
 
     Args:
         model: Arm.
-        term: One element on all joints.
+        term: Term with one hysteresis element on each joint.
         width: Velocity over which the sign of Coulomb friction changes [rad/s or m/s].
         observations: The training recordings, whose samples follow each other in time.
 
@@ -85,7 +87,7 @@ def passed_transition(model: DynamicsModel, term: Term, width: float, observatio
 
 
 def _largest(values: Array, run: ObservedRun, band: Band) -> Array:
-    """Largest absolute value after the filter over the rows in use, shape (n,)."""
+    """Largest absolute value of signals (N, n) after the low-pass filter, over the rows in use, shape (n,)."""
     if run.consecutive and not band.is_open:
         values = in_band(values, run.rate, band)
     return np.where(run.mask, np.abs(values[run.rows]), 0.0).max(axis=0, initial=0.0)
@@ -96,7 +98,10 @@ def _sign(dq: NDArray[np.float64], width: float) -> Array:
 
 
 def _near_standstill(alone: DynamicsModel, dq: NDArray[np.float64], width: float) -> Array:
-    """Difference between the law and (limit at high speed · sign of the velocity), shape (N, n)."""
+    """Part of a velocity law that differs from Coulomb friction, at joint velocities (N, n), shape (N, n).
+
+    It is the law minus the product of its limit at high speed and the sign of the velocity.
+    """
     still = np.zeros_like(dq)
     top = Motion.of_states(still[:1], np.full((1, alone.n), SATURATED), still[:1])
     return _of_joints(alone, Motion.of_states(still, dq, still)) - _of_joints(alone, top) * _sign(dq, width)

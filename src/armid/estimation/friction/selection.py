@@ -54,15 +54,16 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Term
 
 FOLDS = 8
-"""Number of folds: each leaves most of the data for training, and a standard error has seven degrees of freedom."""
+"""Number of folds. Each fold leaves most of the data for training, and a standard error over the folds has seven
+degrees of freedom."""
 
 LONG = 3
 """Number of long folds of a single recording. Their poses differ from those of the other folds, so a law that
 imitates gravity increases the error on them. Where there are several recordings, each of them is a long fold."""
 
 FEWEST = 8
-"""Smallest number of blocks for a selection: a few seconds of motion are no evidence for or against a friction
-term."""
+"""Smallest number of blocks of rows for a selection: a few seconds of motion are no evidence for or against a
+friction term."""
 
 LOWEST = 1e-3
 """Lower limit of an error ratio by which a standard deviation is divided: noise-free data have ratios of zero."""
@@ -81,7 +82,7 @@ class SelectionEvidence:
         candidate: Names of the terms, with their shapes.
         ratio: Ratio of the held-out RMS errors with and without the candidate, in the last trial of the candidate.
         deviation: Standard error of the ratio, from the scatter between folds.
-        chosen: Whether the candidate was selected for the joint.
+        chosen: True if the candidate was selected for the joint.
     """
 
     joint: str
@@ -110,8 +111,8 @@ class FrictionSelection:
         offset_per_recording: True if each recording had its own offset of the torque; the estimate should then do the
             same.
         why: Reason why no candidate was tried, or why there is no weight of the prior; otherwise empty.
-        noise: Standard deviation of each joint's noise, from the residual of the model without further friction, of
-            which the weights of the rows were made; empty if no candidate was tried.
+        noise: Standard deviation of each joint's noise, shape (n,) [N·m or N], from the residual of the model without
+            further friction; the weights of the rows follow from it. Empty if no candidate was tried.
         method: Estimator that is suitable: `physical` or `ridge`.
     """
 
@@ -127,7 +128,7 @@ class FrictionSelection:
     method: str = Ridge.name
 
     def weight_for(self, method: str) -> float | None:
-        """Weight of the prior of an estimator in independent samples; `None` if it is not known."""
+        """Weight of the prior for the estimator `method`, in independent samples; `None` if it is not known."""
         return CONSISTENT_WEIGHT if self.noise and method == CONSISTENT else self.prior_weight
 
 
@@ -194,16 +195,16 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
 
 
 def _with_terms(model: DynamicsModel, loaded: DynamicsModel, added: tuple[Term, ...]) -> DynamicsModel:
-    """The model with further terms, and with the load parameters of `loaded` if one of them depends on the load."""
+    """Model with added terms, and with the load parameters of `loaded` if one of these terms depends on the load."""
     needs_load = depends_on_load(law for term in added for law in term.laws(model.robot))
     return replace(loaded if needs_load else model, terms=(*model.terms, *added))
 
 
 def _drifting_offsets(information: Information, model: DynamicsModel) -> tuple[str, ...]:
-    """Names of torque offsets that may differ between recordings, because torque sensors drift and are zeroed.
+    """Names of the torque offsets that may differ between recordings, because torque sensors drift and are zeroed.
 
-    Empty if separate offsets could not be estimated and cross-validated: there is only one recording, a recording has
-    no rows of some joint, or a recording is too short for the folds.
+    The result is empty if separate offsets cannot be estimated and cross-validated: there is only one recording, a
+    recording has no rows of some joint, or a recording is too short for the folds.
     """
     names = offset_names(model)
     is_offset = np.isin(information.names, names)
@@ -215,7 +216,12 @@ def _drifting_offsets(information: Information, model: DynamicsModel) -> tuple[s
 
 
 def _common_offsets(information: Information, count: int) -> Information:
-    """Information without the contrasts between recordings, whose columns become zero."""
+    """Information in which the offsets are common to all recordings: the columns of their differences become zero.
+
+    Args:
+        information: Information with parameters for the differences between recordings last.
+        count: Number of parameters before these.
+    """
     joints: list[JointFactors] = []
     for joint in information.joints:
         R = joint.R.copy()
@@ -225,7 +231,7 @@ def _common_offsets(information: Information, count: int) -> Information:
 
 
 def _apart(information: Information) -> NDArray[np.int64]:
-    """Long fold of each block: recordings where there are several, otherwise long parts of the only one."""
+    """Index of the long fold of each block: one fold for each recording, or long parts of a single recording."""
     recordings = np.unique(information.recording[information.rows.any(axis=1)])
     if len(recordings) < 2:
         return folds(information, LONG)

@@ -20,11 +20,11 @@ from armid.estimation.friction.heldout_gains import GainPrior, make_folds
 from armid.information.information import Information
 
 ExtendModel = Callable[[Sequence[frozenset[Candidate]]], tuple[CandidateModel, Information]]
-"""Function that extends the model by candidates of each joint and computes the information of the data."""
+"""Function that extends the model by given candidates of each joint, and computes the triangular factors of the data
+for the extended model."""
 
 STEPS = 5
-"""Largest number of Gauss-Newton steps. A shape with an error of a quarter has an error of one percent after three
-steps."""
+"""Largest number of Gauss-Newton steps. Three steps reduce an error of a quarter of the shape to one percent."""
 
 MAX_STEP = 0.35
 """Largest step of the logarithm of a shape: half of the distance to the next shape of the grid."""
@@ -44,7 +44,7 @@ def refine_shapes(
 
     Args:
         path: The selection, with shapes of the grid.
-        extend: Extends the model by candidates.
+        extend: Function that extends the model by candidates.
         prior: Prior on the parameters of the model without candidates.
         weights: Weight of each joint's rows, shape (n,).
         allowed: Candidates of the grid that each joint may get; no shape becomes smaller than the smallest of them.
@@ -81,7 +81,15 @@ def refine_shapes(
 def _step(
     path: SelectionPath, extend: ExtendModel, prior: GainPrior, weights: Array, joints: int
 ) -> tuple[float, dict[tuple[int, Candidate], float]]:
-    """Sum of squared residuals with the present shapes, and Gauss-Newton step of the logarithm of each shape."""
+    """Weighted sum of squared residuals, prior included, and Gauss-Newton step of the logarithm of each shape.
+
+    Args:
+        path: The selection with the present shapes.
+        extend: Function that extends the model by candidates.
+        prior: Prior on the parameters of the model without candidates.
+        weights: Weight of each joint's rows, shape (n,).
+        joints: Number of joints.
+    """
     chosen = path.chosen(joints)
     slopes = [
         frozenset(replace(candidate, slope=True) for candidate in laws if choice_of(candidate.term).log_slope)
@@ -110,12 +118,23 @@ def _step(
 
 
 def _bounded_step(first: float, shape: float, step: float) -> float:
-    """Shape after a step of its logarithm, limited to the neighbours of the first shape in the grid."""
+    """Shape after a step of its logarithm; it stays between the grid neighbours of the first shape.
+
+    Args:
+        first: Shape of the grid with which the search began.
+        shape: Shape before the step.
+        step: Change of the logarithm of the shape.
+    """
     return float(first * np.exp(np.clip(np.log(shape / first) + step, -MAX_CHANGE, MAX_CHANGE)))
 
 
 def _with_shapes(path: SelectionPath, shapes: dict[tuple[int, Candidate], Candidate]) -> SelectionPath:
-    """The selection and its trials with other shapes of the selected candidates."""
+    """Selection in which selected candidates have new shapes, also in the trials.
+
+    Args:
+        path: The selection.
+        shapes: New candidate for each joint index and selected candidate.
+    """
 
     def other(joint: int, candidates: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
         return tuple(shapes.get((joint, candidate), candidate) for candidate in candidates)

@@ -64,7 +64,7 @@ def retained_rows(whole: Array, block: Array, share: float, changing: NDArray[np
 
 
 def discount(whole: Array, changing: NDArray[np.bool_], jump: Array) -> Array:
-    """Reduces the stored information (b, b + 1) to what is still valid after a sudden change of parameters.
+    """Reduces the stored information to the part that is still valid after a sudden change of parameters.
 
     The estimate stays the same. The conditional covariance of the changing parameters, given all other parameters,
     increases by the covariance of the change. The information about the other parameters stays the same.
@@ -89,7 +89,12 @@ def discount(whole: Array, changing: NDArray[np.bool_], jump: Array) -> Array:
 
 
 def _changing_first(whole: Array, changing: NDArray[np.bool_]) -> tuple[NDArray[np.intp], Array]:
-    """Order of the columns (changing parameters first, right-hand side last), and triangular factor in this order."""
+    """Order of the columns (changing parameters first, right-hand side last), and triangular factor in this order.
+
+    Args:
+        whole: Triangular whitened rows with the right-hand side last, shape (b, b + 1).
+        changing: Mask of the parameters that may change, shape (b,).
+    """
     b = len(changing)
     order = np.concatenate([np.flatnonzero(changing), np.flatnonzero(~changing), [b]])
     if changing.all():

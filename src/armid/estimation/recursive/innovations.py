@@ -11,8 +11,8 @@ from armid.estimation.recursive.state import Innovations, RecursiveState
 from armid.information.information import Information
 
 CREEP = 2.0
-"""Upper limit of the squared error of a block that shows a sudden change, divided by the usual squared error, when
-the block is included in the average from which the usual error is computed."""
+"""Largest ratio of the squared error of a block to the usual squared error with which a block with a sudden change
+enters the average that gives the usual error; a larger ratio is replaced by this limit."""
 
 
 def normalized_innovation(state: RecursiveState, values: Array, new: Information) -> tuple[Array, Array]:
@@ -44,7 +44,7 @@ def normalized_innovation(state: RecursiveState, values: Array, new: Information
 def after_a_gap(stats: Innovations) -> Innovations:
     """Statistics of the innovations after a block without rows.
 
-    They are unchanged, except that the next block has no neighbour with which it could be correlated.
+    They stay the same, but the next block counts as uncorrelated with earlier blocks.
     """
     return replace(stats, normalized_innovation=np.zeros_like(stats.level), pull=np.zeros_like(stats.pull))
 

@@ -40,7 +40,8 @@ from armid.maths.median import median
 
 ITERATIONS = 1000
 STANDSTILL = 1e-9
-"""Largest relative change of a standard deviation at which the iteration ends, as in weighted least squares."""
+"""Largest relative change of the standard deviation of a joint's residual at which the iteration of the weights ends,
+as in weighted least squares."""
 
 ENOUGH = 1.5
 """Smallest ratio of the number of rows to the sum of their leverages at which the residual is used to estimate the
@@ -242,7 +243,13 @@ def _parted(whole: Array) -> tuple[Array, Array]:
 
 
 def _whole(data: Information, kept: Array, weights: Array) -> Array:
-    """Triangular factor of all whitened rows: weighted rows of the factors, and retained rows, shape (b, b + 1)."""
+    """Triangular factor of all whitened rows, right-hand side last, shape (b, b + 1).
+
+    Args:
+        data: Factors of the joints' rows.
+        kept: Whitened rows of retained and initial information, shape (b, b + 1).
+        weights: Weights of the rows of each joint, shape (n,).
+    """
     A, y = stack(data, weights)
     return _triangle(np.vstack([np.column_stack([A, y]), kept]))
 
@@ -274,7 +281,14 @@ def _scaled_eigenvalues(covariance: Array) -> tuple[Array, Array, Array]:
 
 
 def _residual_statistics(data: Information, values: Array, weights: Array, half: Array) -> tuple[Array, Array]:
-    """Sum of squared residuals of each joint, unweighted, and sum of the leverages of its rows, shape (n,) each."""
+    """Sum of squared residuals of each joint, unweighted, and sum of the leverages of its rows, shape (n,) each.
+
+    Args:
+        data: Factors of the joints' rows, one block.
+        values: Parameters, shape (b,).
+        weights: Weights of the rows of each joint, shape (n,).
+        half: Square root of the inverse normal matrix, shape (b, b).
+    """
     squares, effective = np.empty((2, data.n))
     for j, joint in enumerate(data.joints):
         R = joint.R[0]
@@ -284,7 +298,17 @@ def _residual_statistics(data: Information, values: Array, weights: Array, half:
 
 
 def _next_weights(state: RecursiveState, data: Information, rows: Array, kept: Array) -> Array:
-    """Next weights (n,): one divided by the standard deviation of each joint's residual with the present weights."""
+    """Weights of the joints for the next iteration, shape (n,).
+
+    A weight is one divided by the standard deviation of the joint's residual with the present weights. A joint with
+    too few rows keeps its weight.
+
+    Args:
+        state: State with the present weights.
+        data: Factors of the joints' rows.
+        rows: Discounted number of rows of each joint, shape (n,).
+        kept: Whitened rows of retained and initial information, shape (b, b + 1).
+    """
     values, half, _ = minimum_norm_solution(*_parted(_whole(data, kept, state.weights)))
     squares, effective = _residual_statistics(data, values, state.weights, half)
     torque = np.array([np.sum(joint.R[0, :, -1] ** 2) for joint in data.joints])
@@ -319,7 +343,7 @@ def _after_change(state: RecursiveState) -> RecursiveState:
 
 
 def _spread(before: RecursiveState, weights: Array, new: Information, half: Array) -> Array:
-    """Factor (b, b) of the covariance after new rows.
+    """Factor L of the covariance L Lᵀ of the estimate after new rows, shape (b, b).
 
     Args:
         before: State before the rows.

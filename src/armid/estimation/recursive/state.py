@@ -18,8 +18,8 @@ JUMP = 1000.0
 estimate. It is larger than any real change."""
 
 WHITE = 0.3
-"""Number of blocks with white noise to which the prior of the correlation is equivalent. The prior limits the
-influence of the first blocks."""
+"""Weight of the prior that noise is white, as an equivalent number of blocks with white noise, in the estimate of the
+correlation between rows. The prior limits the influence of the first blocks."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -76,7 +76,10 @@ class Innovations:
 
     @property
     def correlation(self) -> Array:
-        """Variance of the gradient of each joint divided by its variance for white noise, at least 1, shape (n,)."""
+        """Variance of the gradients of blocks, divided by their variance for white noise, at least 1, shape (n,).
+
+        The gradient is that of a joint's squared error in a block.
+        """
         return np.maximum((self.power + WHITE) / (self.expected + WHITE), 1.0)
 
 
@@ -119,9 +122,9 @@ class RecursiveState:
 
     @property
     def values(self) -> Array:
-        """Estimate, shape (b,).
+        """Estimate of the parameters, shape (b,).
 
-        If it is not unique, the estimate with the smallest norm for columns of unit length.
+        If the estimate is not unique, it is the one with the smallest norm for columns of unit length.
         """
         return minimum_norm_solution(self.whole[:, :-1], self.whole[:, -1])[0]
 

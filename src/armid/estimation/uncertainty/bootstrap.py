@@ -1,4 +1,4 @@
-"""Block bootstrap: a slow way to check covariances, which assumes only that the blocks are exchangeable."""
+"""Block bootstrap: a slow check of covariances that assumes only that the blocks are exchangeable."""
 
 from __future__ import annotations
 

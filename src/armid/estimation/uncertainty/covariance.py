@@ -109,7 +109,8 @@ class Uncertainty:
         information: Factors of the same rows in the parameters of the fit.
         prior: Precision of the prior, shape (b, b).
         inverse: Inverse of the normal matrix, prior included, shape (b, b).
-        known_covariance: Covariance by prior and torque scales, which is added to that from noise, shape (b, b).
+        known_covariance: Covariance that follows from prior and torque scales, which is added to the covariance that
+            follows from noise, shape (b, b).
         moved: Shift of the estimate by rows near velocity reversals, multiplied by the share that counts as one
             standard deviation, shape (b,).
         observed: Mask of the parameters on which the rows depend, shape (b,).
@@ -133,7 +134,7 @@ class Uncertainty:
         self.errors = ErrorEffect(covariance=np.zeros((b, b)), attenuation=np.zeros(b))
 
     def _inverse_with(self, prior: Array) -> Array:
-        """Inverse of the normal matrix with a precision (b, b) of the prior."""
+        """Inverse of the normal matrix if the prior has the precision `prior` (b, b), shape (b, b)."""
         # The prior counts in the scale: it may be so much surer of some parameters than the data that it would round
         # away what these say of all others.
         A = stack(self.whole, self.fit.weights)[0]
@@ -146,18 +147,21 @@ class Uncertainty:
 
     @property
     def misfit_covariance(self) -> Array:
-        """Covariance by the distance between links and description beyond what the prior says, shape (b, b)."""
+        """Covariance that is added because links differ more from the description than the prior says, (b, b)."""
         change, excess = self.inverse @ self.prior, self.fit.prior_excess
         return np.zeros_like(change) if excess is None else change @ excess @ change.T
 
     @property
     def systematic_covariance(self) -> Array:
-        """Covariance by systematic errors, shape (b, b)."""
+        """Covariance of the estimate that systematic errors cause, shape (b, b)."""
         return self.errors.covariance + np.outer(self.errors.attenuation, self.errors.attenuation)
 
     @property
     def border_covariance(self) -> Array:
-        """Covariance by the distance between an estimate on the boundary of the cone and the analytic centre."""
+        """Covariance that is added for the distance between the estimate and the analytic centre, shape (b, b).
+
+        The distance is not zero if the estimate is near the boundary of the cone of consistent bodies.
+        """
         own = None if self.fit.standard is None else self.fit.standard.lift
         return np.zeros_like(self.inverse) if own is None else np.outer(own.base_shift, own.base_shift)
 
@@ -211,7 +215,10 @@ class Uncertainty:
         return float(SHIFT_SHARE * np.sqrt(1.0 - (EXPECTED_SHIFT / size) ** 2)), float(np.abs(ratio).max())
 
     def noise_covariance(self, scatter: Array) -> Array:
-        """Covariance (b, b) by the noise of all data, computed from the covariance by the noise of the samples."""
+        """Covariance of the estimate that the noise of all data causes, shape (b, b).
+
+        `scatter` is the covariance that the noise of the samples causes, shape (b, b).
+        """
         return scatter
 
     def reversal_shift(self) -> Array | None:
@@ -255,7 +262,12 @@ class Uncertainty:
         return replace(self._with(covariance, "block", free), report=replace(report, parts=round(free) + 1))
 
     def _periods(self, found: RepetitionBlocks, report: CovarianceReport) -> Fit:
-        """Fit with the covariance from the scatter between periods."""
+        """Fit with the covariance from the scatter between periods of the motion.
+
+        Args:
+            found: Assignment of the blocks to the periods.
+            report: Report on the kind of the covariance.
+        """
         covariance = jackknife(
             self.information, found.groups, found.motions, self.fit.values, self.fit.weights, self.inverse
         )
@@ -269,7 +281,13 @@ class Uncertainty:
         )
 
     def _with(self, covariance: Array, kind: str, freedom: Array | float) -> Fit:
-        """Fit with the covariance from noise of the data plus the known covariance from prior and torque scales."""
+        """Fit with a given covariance from the noise of the data, plus the covariance from prior and torque scales.
+
+        Args:
+            covariance: Covariance from the noise of the data, shape (b, b).
+            kind: Kind of this covariance, such as `spectral`.
+            freedom: Degrees of freedom of this covariance, shape (b,) or a number.
+        """
         return self.with_scatter(replace(self.fit, covariance_kind=kind), covariance, self.known_covariance, freedom)
 
     def with_scatter(self, fit: Fit, scatter: Array, known_covariance: Array, freedom: Array | float) -> Fit:
@@ -332,13 +350,13 @@ class Uncertainty:
         return _Spectrum(model, scatter, white, _repeated(bands, scatter, rows, self.fit.weights)), ""
 
     def joint_values(self) -> Array:
-        """Values of the parameters of the samples' columns, shape (b,), or (n, b) with separate values by joint."""
+        """Values of the parameters of the regressor columns, shape (b,), or (n, b) if they differ between joints."""
         return self.fit.values
 
     def column_maps(self) -> tuple[Array, ...] | None:
-        """Matrices from the parameters of the fit to the parameters of each joint's columns.
+        """Matrices from the parameters of the fit to the parameters of each joint's regressor columns.
 
-        The result is `None` if the columns have the parameters of the fit.
+        The result is `None` if both are the same parameters.
         """
         return None
 
@@ -381,7 +399,16 @@ def _samples_match(problem: EstimationProblem, rows: NDArray[np.int64]) -> bool:
 
 
 def _repeated(bands: BandProducts, scatter: LevelScatter, rows: Array, weights: Array) -> float:
-    """Variance of the mean residual of all periods, divided by the variance that their differences predict."""
+    """Variance of the mean residual of all periods, divided by its value for independent periods.
+
+    Without periods the result is 1.
+
+    Args:
+        bands: Products of the residuals in frequency bands.
+        scatter: Effect of the noise on the estimate.
+        rows: Number of rows in use, shape (n,).
+        weights: Weight of each joint's rows, shape (n,).
+    """
     squares, free = bands.within
     if not (free > 0.0).all():
         return 1.0

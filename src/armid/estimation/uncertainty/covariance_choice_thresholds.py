@@ -14,8 +14,8 @@ SAME_POSITIONS = 0.05
 counts as the same. Errors of control and phase cause up to 0.02."""
 
 SAME_PRODUCTS = 0.2
-"""Largest relative difference of the products of two blocks that count as periods of one motion. Noise of the
-positions and masked rows near an end cause a few hundredths, another motion about one."""
+"""Largest relative difference between the normal matrices of two blocks with which the blocks count as periods of one
+motion. Noise of the positions and masked rows near an end cause a few hundredths, another motion about one."""
 
 MAX_REPEATED = 1.5
 """Largest variance of the mean residual of all periods, divided by its value for independent periods, at which the
@@ -44,8 +44,8 @@ SLOW_SHARE = 0.1
 """Share of the RMS speed of a joint below which the joint counts as reversing."""
 
 MIN_INFORMATION = 0.1
-"""Smallest share of the information about a direction that rows away from reversals must contain, so that estimates
-with and without the other rows can be compared."""
+"""Smallest share of the information about a direction of the parameters that rows away from reversals must contain.
+With a smaller share, the estimates with and without rows near reversals are not compared in this direction."""
 
 EXPECTED_SHIFT = 1.0
 """Largest shift of an estimate by rows near reversals that is attributed to chance: RMS over the parameters, in

@@ -27,16 +27,18 @@ from armid.maths.signals.fourier_transform import frequencies, spectrum
 from armid.measurement.observations import ObservedRun
 
 MAX_RATE = 100.0
-"""Row rate that covers the spectrum of an arm's motion [Hz]; rows at higher rates are averaged."""
+"""Largest row rate for the products [Hz]; it covers the spectrum of an arm's motion. Rows at higher rates are
+averaged."""
 
 SEGMENT = 8192
 """Number of rows of a segment after averaging. A segment is longer than the correlation time of an arm's noise."""
 
 LOWEST_BAND_SIZE = 8.0
-"""Number of real numbers of a recording's spectrum in the lowest band: four complex coefficients."""
+"""Number of real numbers of the spectrum of a recording that the lowest frequency band contains: four complex
+coefficients."""
 
 PER_OCTAVE = 3
-"""Bands per octave, narrow enough to resolve the edge of a filter."""
+"""Number of frequency bands per octave; they are narrow enough to resolve the edge of a filter."""
 
 PARTS = 10
 """Number of parts into which a segment is divided in time, to compare the variances of the residual in these
@@ -135,7 +137,17 @@ def gather_bands(problem: EstimationProblem, values: Array) -> Iterator[Gathered
 def _with_residuals(
     chunks: Iterator[tuple[int, Array]], source: ColumnSource, parameters: list[NDArray[np.int64]], values: Array
 ) -> Iterator[tuple[int, list[Array], Array]]:
-    """Yields for each chunk of M rows the first row, the columns of each joint j (k_j, M) and residuals (n, M)."""
+    """Yields the regressor columns and residuals of chunks of M rows.
+
+    Args:
+        chunks: Index of the first row, and columns with the torques, of each chunk.
+        source: Layout of the columns.
+        parameters: Indices of the parameters of each joint's k_j columns, shapes (k_j,).
+        values: Values of the parameters for each joint's torque, shape (n, b).
+
+    Yields:
+        Index of the first row, columns of each joint j, shapes (k_j, M), and residuals, shape (n, M).
+    """
     for begin, x in chunks:
         blocks = [x[a:b] for a, b in itertools.pairwise(source.layout.offset)]
         residual = [
@@ -261,7 +273,14 @@ def _gather_run(
     places: list[NDArray[np.intp]],
     widths: list[int],
 ) -> Iterator[GatheredBands]:
-    """Yields the averaged rows of one run, segment by segment or folded into one period."""
+    """Yields the averaged rows of one run, segment by segment, or folded into one period if the motion repeats.
+
+    Args:
+        run: The run.
+        chunks: Index of the first row, columns of each joint and residuals of consecutive rows.
+        places: Rows of `GatheredBands.columns` that belong to each joint's columns.
+        widths: Number of columns of each joint.
+    """
     averaging = _averaging(run)
     segments, folded = _segments(run, averaging)
     rate = run.rate / (run.step * averaging)
@@ -323,7 +342,12 @@ class _Sums:
         self.period_squares += (summed**2 / np.maximum(count, 1.0)).sum(axis=1)
 
     def gathered(self, rate: float, periods: int) -> GatheredBands:
-        """The sums as averaged rows, scaled so that products and the level of white noise keep their size."""
+        """Averaged rows from the sums, scaled so that averaging changes neither products nor white noise.
+
+        Args:
+            rate: Row rate after averaging [Hz].
+            periods: Number of periods that were folded.
+        """
         scale = 1.0 / np.sqrt(np.maximum(self.count, 1.0))
         residual = self.residual * scale
         within = np.zeros((2, len(self.widths)))
@@ -335,7 +359,7 @@ class _Sums:
 
 
 def _segments(run: ObservedRun, rows_per_mean: int) -> tuple[list[tuple[int, int]], bool]:
-    """First row and number of rows of each segment of a run; and true if the segments are periods to be averaged."""
+    """First row and number of rows of each segment of a run, and true if the segments are periods to be averaged."""
     periods = find_periods(run)
     if periods is not None:
         return [(int(a), int(periods[-1])) for a in periods[:-1]], True
@@ -368,9 +392,9 @@ def _lengths(problem: EstimationProblem) -> list[tuple[int, float]]:
 
 
 def _labels(count: int, rate: float, edges: Array) -> tuple[NDArray[np.intp], Array]:
-    """Frequency band of each coefficient of a spectrum of `count` rows.
+    """Index of the frequency band of each coefficient in the spectrum of `count` rows, and size of the coefficient.
 
-    The second array is the number of real numbers in each coefficient: 1 or 2.
+    The size is 1 for a real coefficient and 2 for a complex one.
     """
     label = np.searchsorted(edges, frequencies(count) * rate, side="right") - 1
     real = np.full(len(label), 2.0)
@@ -380,7 +404,14 @@ def _labels(count: int, rate: float, edges: Array) -> tuple[NDArray[np.intp], Ar
 
 
 def _products(signals: Array, label: NDArray[np.intp], real: Array, bands: int) -> Array:
-    """Products of two of k signals (k, M), summed over each frequency band, shape (bands, k, k)."""
+    """Products of the spectra of every two of k signals (k, M), summed over each frequency band, (bands, k, k).
+
+    Args:
+        signals: Signals, shape (k, M).
+        label: Index of the frequency band of each coefficient of the spectrum.
+        real: Number of real numbers in each coefficient: 1 or 2.
+        bands: Number of bands.
+    """
     result = np.zeros((bands, len(signals), len(signals)))
     x = spectrum(signals.T) * np.sqrt(real / signals.shape[1])[:, None]
     for a, b in itertools.pairwise(np.flatnonzero(np.diff(label, prepend=-1, append=-1))):

@@ -59,9 +59,9 @@ class RepetitionBlocks:
 
     @classmethod
     def of_blocks(cls, motions: Groups) -> RepetitionBlocks:
-        """Assigns each block to a repetition of its own.
+        """Makes the assignment in which each block is one repetition.
 
-        `motions` contains the motion of each block, -1 for none.
+        `motions` contains the index of the motion of each block, -1 for blocks of no motion, shape (blocks,).
         """
         used = np.flatnonzero(motions >= 0)
         groups = np.full(len(motions), -1, dtype=np.int64)
@@ -70,7 +70,7 @@ class RepetitionBlocks:
 
     @classmethod
     def of_runs(cls, runs: Sequence[ObservedRun], has_rows: NDArray[np.bool_]) -> RepetitionBlocks:
-        """Assigns blocks to the repetitions that are stored with the runs; blocks without rows belong to none.
+        """Assigns blocks to the repetitions that are stored with the runs; blocks without rows get no repetition.
 
         Args:
             runs: Runs in the order of their blocks.
@@ -88,7 +88,7 @@ class RepetitionBlocks:
 
 
 def group_blocks(information: Information, per_group: int = 1) -> Groups:
-    """Groups neighbouring blocks; returns the group of each block, -1 for a block without rows, shape (blocks,).
+    """Joins neighbouring blocks to groups; returns the group of each block, -1 for blocks without rows, (blocks,).
 
     Args:
         information: Factors of each block, in the order of time.

@@ -26,7 +26,7 @@ from armid.estimation.uncertainty.recording_change import mean_parameter_varianc
 from armid.information.information import Information, select, total
 
 MOST = 5
-"""Largest number of estimates. Of more recordings, several are left out together."""
+"""Largest number of estimates with left-out recordings; of more recordings, several are left out together."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -52,7 +52,7 @@ class LeftOut:
     def log_factors(self) -> Array:
         """Logarithm of the ratio of the RMS torque error to its predicted standard deviation, the root of `variance`.
 
-        One for each joint that has rows, so of at most n joints.
+        The array has one element for each joint that has rows, so at most n elements.
         """
         known = (self.rows > 0) & (self.variance > 0.0) & (self.squares > 0.0)
         return 0.5 * np.log(self.squares[known] / self.rows[known] / self.variance[known])
@@ -68,8 +68,8 @@ def leave_out_recordings(
 
     Args:
         problem: Problem of all training recordings, with samples; its parameters are common to all recordings.
-        solve: Function that estimates a problem, and returns values and covariance of the parameters of one
-            recording: means, if it estimates parameters for each recording.
+        solve: Function that solves an estimation problem and returns a fit with one value for each parameter. If the
+            estimator has separate parameters for each recording, these are the means.
 
     Returns:
         One result for each group; empty if there is only one recording.
@@ -103,7 +103,15 @@ def leave_out_recordings(
 def _left_out(
     recordings: tuple[int, ...], fit: Fit, error: PredictionError, held_out: Information, positions: Array
 ) -> LeftOut:
-    """Error of an estimate on left-out recordings with the joint positions (M, n) of their rows in use."""
+    """Computes the error of an estimate on left-out recordings.
+
+    Args:
+        recordings: Numbers of the left-out recordings.
+        fit: Estimate from the other recordings.
+        error: Facts about the other recordings.
+        held_out: Factors of the left-out recordings, one block.
+        positions: Joint positions in their M rows in use, shape (M, n) [rad or m].
+    """
     share = mean_parameter_variance(held_out, error.effective(fit.covariance))
     variance = with_model_error(error, share, fit.noise, positions).mean(axis=0)
     variance += mean_parameter_variance(held_out, error.change.covariance) + error.change.offset**2

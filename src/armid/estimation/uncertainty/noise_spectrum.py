@@ -25,18 +25,19 @@ from armid.estimation.uncertainty.cross_products_by_frequency import BandProduct
 from armid.maths.linalg import root_of
 
 LOWEST_KNOT_SIZE = 10.0
-"""Number of real numbers of the spectrum below the second frequency of `level_basis`: just enough to estimate the
-level at the lowest frequency."""
+"""Number of real numbers of the spectrum between the first two frequencies at which noise levels are estimated. It is
+just enough to estimate the level at the first frequency, zero."""
 
 POOLED_DOF = 10.0
 """Degrees of freedom of the prior with which the correlations between joints at one frequency are shrunk towards
 the correlations over all frequencies."""
 
 MIN_LEVEL = 1e-3
-"""Lower limit of a level, divided by the joint's mean level: smaller estimates are not significant."""
+"""Lower limit of a noise level, divided by the joint's mean level: smaller estimates are not significant."""
 
 MIN_FOR_CORRELATION = 2e-2
-"""Smallest level, divided by the joint's mean level, that is used to estimate correlations."""
+"""Smallest noise level, divided by the joint's mean level, with which a frequency is used to estimate correlations
+between joints."""
 
 MIN_CORRELATION_EIGENVALUE = 1e-2
 """Lower limit of an eigenvalue of the correlation matrix between joints."""
@@ -117,12 +118,15 @@ class NoiseModel:
 
     @property
     def multiplicity(self) -> Array:
-        """Number of elements of a covariance matrix that belong to each pair of joints: 1 or 2, shape (pairs,)."""
+        """Number of elements of a covariance matrix for each pair of joints, shape (pairs,).
+
+        It is 1 for a joint paired with itself, and 2 for two different joints.
+        """
         return np.where(np.equal(*self.pairs), 1.0, 2.0)
 
     @staticmethod
     def size(bands: BandProducts, count: int) -> int:
-        """Number of elements that the matrices of all levels have, for `count` parameters."""
+        """Number of elements in the matrices of all noise levels, for `count` parameters."""
         return len(level_basis(bands)) * bands.n * (bands.n + 1) // 2 * count * (count + 1) // 2
 
     def levels(self, moments: Array) -> Array:
@@ -198,7 +202,8 @@ class NoiseModel:
     def _cross_leverage(self) -> Array:
         """Traces tr(E_a E_c Q) + tr(E_c E_a Q), shape (levels, levels), with Q = X̃ H⁻¹ X̃ᵀ.
 
-        The symbols are those of `NoiseModel`.
+        They are the part of the coefficients tr(E_a M E_c M) that is linear in Q = 1 - M, with opposite sign; the
+        symbols are those of `NoiseModel`.
         """
         B, P, n = len(self.basis), len(self.pairs[0]), self.bands.n
         weighted = np.einsum("ae,ce,ejk->acjk", self.basis, self.basis, self.leverage, optimize=True)
@@ -210,14 +215,17 @@ class NoiseModel:
         return half + half.T
 
     def _square(self, theta: Array) -> Array:
-        """Symmetric matrices (B, n, n), one for each frequency, with the levels `theta` (levels,) as elements."""
+        """Symmetric matrices (B, n, n), one for each of B frequencies, whose elements are the levels `theta`."""
         levels = np.zeros((len(self.basis), self.bands.n, self.bands.n))
         levels[:, *self.pairs] = theta.reshape(len(self.basis), -1)
         levels[:, self.pairs[1], self.pairs[0]] = levels[:, *self.pairs]
         return levels
 
     def _regularise(self, levels: Array) -> Array:
-        """Makes levels (B, n, n) positive definite, and shrinks correlations towards those over all frequencies."""
+        """Makes the noise covariances of the joints at B frequencies positive definite; shape (B, n, n).
+
+        Correlations between joints are shrunk towards the correlations over all frequencies.
+        """
         variance = np.einsum("ajj->aj", levels)
         mean = np.maximum(variance.mean(axis=0), MIN_LEVEL)
         size = np.sqrt(np.maximum(variance, MIN_LEVEL * mean))
@@ -237,13 +245,16 @@ class NoiseModel:
         return correlation * size[:, :, None] * size[:, None, :]
 
     def _free(self) -> Array:
-        """Degrees of freedom of each level of a joint, shape (B, n): number of real numbers minus leverage."""
+        """Degrees of freedom of each joint's noise level at each frequency, shape (B, n).
+
+        They are the number of real numbers in the spectrum minus their leverage.
+        """
         count = np.einsum("ae,ejj->aj", self.basis, self.bands.count)
         leverage = np.einsum("ae,ejj->aj", self.basis, self.leverage)
         return np.maximum(count - leverage, FEWEST_FREE)
 
     def _freedom(self, levels: Array) -> Array:
-        """Degrees of freedom of each parameter's variance, shape (b,)."""
+        """Degrees of freedom of each parameter's variance, shape (b,), for noise levels (B, n, n)."""
         half = self.variances / self.multiplicity[None, :, None]
         share = np.zeros((*levels.shape, self.variances.shape[2]))
         share[:, *self.pairs] = half
@@ -283,6 +294,9 @@ def level_basis(bands: BandProducts) -> Array:
 
 
 def _packing(b: int) -> Array:
-    """Factors for the elements of an upper triangle, with which it has the same inner product as the full matrix."""
+    """Factors for the elements of the upper triangle of a symmetric matrix (b, b), shape (b (b + 1) / 2,).
+
+    With these factors, the inner product of two triangles equals that of the full matrices.
+    """
     rows, columns = np.triu_indices(b)
     return np.where(rows == columns, 1.0, np.sqrt(2.0))

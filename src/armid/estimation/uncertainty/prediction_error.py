@@ -33,38 +33,41 @@ from armid.information.information import Information
 from armid.measurement.observations import Observations
 
 FAR = 4.0
-"""Ratio U of v to its mean over the training rows, above which a row counts as unlike the training motion. The
-covariance describes noise; where the motion differs, the error of the model acts on the parameters as well. The
-constants U, P and B were chosen with the recordings of eight arms, each predicted without itself. Without them, the
-intervals of a model from a single recording held 63 % of the rows of one arm, and 30 % of the rows of one of its
-joints; with them, 91 % and 72 %."""
+"""Ratio U of the variance v of the predicted torque to its mean over the training rows, above which a row counts as
+unlike the training motion. The covariance describes noise; where the motion differs, the error of the model acts on
+the parameters as well. The constants U, P and B were chosen with the recordings of eight arms; each recording was
+predicted by a model without it. Without these constants, the intervals of a model from a single recording contained
+63 % of the rows of one arm, and 30 % of the rows of one of its joints; with them, 91 % and 72 %."""
 
 GROWTH = 0.8
-"""Exponent P of the growth of the variance with v, beyond that of v itself."""
+"""Exponent P in the module's formula: additional growth of the variance of the torque error with the variance v."""
 
 OUTSIDE = 8.0
-"""Factor B of the relative distance of a position from the training range."""
+"""Factor B in the module's formula: growth of the variance of the torque error with the distance of a position from
+the training range, relative to this range."""
 
 SMALL_RANGE = 0.1
 """Range [rad or m] that is added to the training range of a joint before a distance is divided by it, because a joint
 that stood still in training has no range."""
 
 BETWEEN_ARMS = 0.25
-"""Standard deviation between arms of the mean logarithm of the factor, for an arm of which no recording was left out.
-Over the eight arms, the means had a standard deviation of 0.2, and were up to 0.5 for arms whose single training
-recording had another speed."""
+"""Standard deviation between arms of the mean logarithm of the factor (RMS error divided by its predicted standard
+deviation), used before any recording of the arm was left out. Over the eight arms, the means had a standard deviation
+of 0.2, and were up to 0.5 for arms whose single training recording had another speed."""
 
 BETWEEN_RECORDINGS = 0.25
-"""Standard deviation between recordings of one arm of the mean logarithm of the factor; measured: 0.06 to 0.26."""
+"""Standard deviation, between the recordings of one arm, of the mean logarithm of the factor; measured values are
+0.06 to 0.26."""
 
 PRIOR_RECORDINGS = 3.0
-"""Number of recordings to which the knowledge of `BETWEEN_RECORDINGS` and `BETWEEN_JOINTS` is equivalent."""
+"""Weight of the values `BETWEEN_RECORDINGS` and `BETWEEN_JOINTS`, as an equivalent number of left-out recordings."""
 
 BETWEEN_JOINTS = 0.4
-"""Standard deviation of the logarithm of the factor between the joints of one recording; measured: 0.17 to 0.6."""
+"""Standard deviation, between the joints of one recording, of the logarithm of the factor; measured values are 0.17
+to 0.6."""
 
 OTHER_MOTION = 0.45
-"""Further standard deviation of the logarithm of the error on another recording whose motion is not known yet."""
+"""Additional standard deviation of the logarithm of the error on another recording if its motion is not yet known."""
 
 NINETY = 1.6448536269514722
 """Quantile 0.95 of the normal distribution, for two-sided 90 % intervals."""
@@ -82,13 +85,13 @@ class PredictionError:
         log_factor: Mean of the logarithm of the factor: RMS error on another recording divided by the standard
             deviation with model error.
         log_deviation: Standard deviation of the logarithm of the factor for a joint of another recording.
-        without_effect: Part of the covariance of the parameters that is no error of the prediction, shape (b, b);
-            empty if there is none. The measured torque of another recording has the same torque scales, such as drive
-            gains. The misfit of the prior says how far single links may be from the description; how far torques are
-            from those of the model, the weight of the prior with the smallest held-out error says. Systematic errors
-            are the same in other recordings, in which most of their effect cancels; left-out recordings show the
-            rest, so they have no effect only where recordings are left out. The same holds for the scatter between
-            recordings.
+        without_effect: Part of the covariance of the parameters that causes no error of the predicted torque, shape
+            (b, b); empty if there is none. It contains the uncertainty of the torque scales, such as drive gains,
+            because the measured torque of another recording has the same scales. It contains the misfit of the prior,
+            which describes the error of single links; for the error of torques, the weight of the prior with the
+            smallest held-out error is decisive. If recordings are left out in turn, it also contains systematic
+            errors and the scatter between recordings, because the left-out errors contain their effect. Systematic
+            errors are the same in other recordings, so that most of their effect cancels.
         change: Change of friction and offsets from the training recordings to another one.
     """
 
@@ -107,13 +110,13 @@ class PredictionError:
         object.__setattr__(self, "without_effect", array(self.without_effect, (None, None), "without_effect"))
 
     def effective(self, covariance: Array) -> Array:
-        """Covariance (b, b) of the parameters without the part that is no error of the prediction."""
+        """Covariance (b, b) of the parameters without the part that causes no error of the predicted torque."""
         return covariance - self.without_effect if self.without_effect.size else covariance
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ExpectedError:
-    """RMS torque error of each joint that is expected on another recording with a motion like that of the training.
+    """Expected RMS torque error of each joint on another recording whose motion is similar to the training motion.
 
     Attributes:
         rms: Expected RMS error, shape (n,) [N·m or N].
@@ -135,7 +138,7 @@ def prediction_error(
     *,
     left_out: bool = True,
 ) -> PredictionError:
-    """Facts about training recordings for the prediction of another recording, before any recording is left out.
+    """Collects the facts about training recordings for prediction intervals, before any recording is left out.
 
     Args:
         information: Factors of the training recordings, in the parameters of the fit.
@@ -159,7 +162,7 @@ def prediction_error(
 
 
 def with_model_error(training: PredictionError, share: Array, noise: Array, positions: Array) -> Array:
-    """Variance of the torque error with model error, on M rows, shape (M, n) [(N·m)² or N²].
+    """Variance of the torque error by noise, parameters and model error on M rows, shape (M, n) [(N·m)² or N²].
 
     Args:
         training: Facts about the training recordings.
@@ -183,11 +186,13 @@ def position_range(observations: Observations) -> Array:
 
 
 def updated(error: PredictionError, log_factors: Sequence[Array]) -> PredictionError:
-    """Updates the distribution of the factor with the left-out recordings of the arm.
+    """Updates the distribution of the factor with the errors on left-out recordings of the arm.
 
+    The factor is the RMS error of a joint on another recording divided by its predicted standard deviation.
     Mean and deviation are those of the posterior for normal distributions: the mean of the arm has the prior mean 0
     and the deviation `BETWEEN_ARMS`. The deviations between recordings and between joints are those of the left-out
-    recordings and of `PRIOR_RECORDINGS` more with the deviations `BETWEEN_RECORDINGS` and `BETWEEN_JOINTS`.
+    recordings, combined with `PRIOR_RECORDINGS` further recordings that have the deviations `BETWEEN_RECORDINGS` and
+    `BETWEEN_JOINTS`.
 
     Args:
         error: Facts about the training recordings.

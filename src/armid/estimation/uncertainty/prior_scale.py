@@ -1,9 +1,9 @@
-"""Scale of a prior of the links, held against its own misfit.
+"""Scales of the covariance of a prior, estimated from the difference between the data and the mean of the prior.
 
-The weight of a prior is chosen by its error on held-out motion, or given. It says how close the links are to the
-description, but with one number for all links. A strong prior may predict well although single links are further away
-than it says, so intervals must not rely on it. The least-squares parameters π̂ of whitened rows R, with noise of
-variance c in each row, differ from the mean π₀ of the prior by
+The weight of a prior is chosen by its error on held-out motion, or given. This one number describes how close all
+links are to the description. A strong prior may predict well although single links differ more from the description
+than the prior says, so intervals must not rely on it. The least-squares parameters π̂ of whitened rows R, with noise
+of variance c in each row, differ from the mean π₀ of the prior by
 
     R (π̂ - π₀) ~ N(0, c I + R (Σ_l s_l B_l + F) Rᵀ),
 
@@ -23,24 +23,26 @@ from armid.estimation.problem import StandardParameters
 from armid.maths.linalg import half_of, root_of
 
 PASSES = 40
-"""Number of steps of the fixed-point iteration; each halves the error in the logarithm of a scale at least."""
+"""Number of steps of the fixed-point iteration. Each step reduces the error of the logarithm of a scale to at most a
+half."""
 
 PARTS = (slice(0, 1), slice(1, 4), slice(4, 10))
-"""Mass, first moments and second moments among the ten parameters of a link."""
+"""Positions of mass, first moments and second moments among the ten parameters of a link."""
 
 FREEDOM = 1.0
-"""Weight of the prior of each scale, in squared parameters: a scale of which the data see one parameter moves
-half of the way."""
+"""Weight of the prior of each scale, as an equivalent number of parameters: if the data determine one parameter of
+the scale, data and prior have equal weight."""
 
 LARGEST = 1e6
-"""Largest scale: a link may be a thousand standard deviations from the description."""
+"""Largest scale of a covariance: a link may differ from the description by a thousand standard deviations."""
 
 
 def link_covariances(precision: Array, standard: StandardParameters) -> Array:
-    """Covariances (3 · links, p, p) of the p standard parameters by the prior, in three parts for each link.
+    """Covariances of the p standard parameters that follow from the prior, in three parts for each link.
 
-    The parts are those of a triangular factor of the link's covariance in the order of its parameters: the mass, with
-    all that changes with it; the centre of mass at a given mass; and the inertia at a given mass and centre.
+    The parts belong to the columns of a triangular factor of the link's covariance: variation of the mass, with the
+    other parameters that vary with it; of the first moments at a given mass; and of the inertia at given mass and
+    first moments. The shape is (3 · links, p, p).
 
     Args:
         precision: Precision of the prior, without correlations between links, shape (p, p).
@@ -59,15 +61,15 @@ def link_covariances(precision: Array, standard: StandardParameters) -> Array:
 def prior_scales(
     rows: Array, difference: Array, links: Array, others: Array, correlation: float, *, expected: float = 1.0
 ) -> Array:
-    """Factors by which parts of the covariance are larger than the prior says, shape (parts,), at least 1.
+    """Factors on parts of the prior's covariance with which it agrees with the data, at least 1, shape (parts,).
 
     Args:
         rows: Whitened rows, shape (k, b).
         difference: Least-squares parameters minus mean of the prior, shape (b,).
         links: Parts of the covariance of the base parameters by the prior of the links, shape (parts, b, b).
         others: Covariance of the base parameters by the prior of all other parameters, shape (b, b).
-        correlation: Variance of the noise of a whitened row: rows that count as one independent sample.
-        expected: Scale that is expected before the misfit is seen.
+        correlation: Variance of the noise of a whitened row: number of rows that count as one independent sample.
+        expected: Scale that the prior of the scales prefers.
     """
     misfit = rows @ difference
     halves = [rows @ root_of(link) for link in links]

@@ -1,9 +1,10 @@
-"""Change of friction and offsets from one recording to another, for the prediction of a recording of another day.
+"""Change of friction and offsets between recordings, for the prediction of a recording that is made on another day.
 
 Friction changes with temperature, load history and grease, and torque sensors and currents have other offsets after
-each start. One recording cannot show this, so usual changes are assumed: all friction of a joint is multiplied by one
-factor, and its torque gets another offset. Where several recordings were left out in turn, their errors contain the
-change, and correct its size together with that of the other errors (`armid.estimation.uncertainty.prediction_error`).
+each start. One recording does not contain these changes, so usual changes are assumed: all friction of a joint is
+multiplied by one factor, and its torque gets another offset. If several recordings were left out in turn, their
+errors contain the changes. These errors correct the assumed size of all errors together
+(`armid.estimation.uncertainty.prediction_error`).
 """
 
 from __future__ import annotations
@@ -26,8 +27,9 @@ was 0.01 to 0.45 for joints with considerable friction, and 0.06 in the median; 
 of one of the arms, it was 0.01."""
 
 OFFSET = 0.004
-"""Standard deviation of the offset of a torque between recordings, as a share of the range of the torque; on the same
-arms it was 0.001 to 0.09, and 0.005 in the median, of which a part is the uncertainty of the estimate."""
+"""Standard deviation of the offset of a joint torque between recordings, as a share of the range of the torque. On
+four arms with several recordings it was 0.001 to 0.09, and 0.005 in the median; a part of it is the uncertainty of
+the estimates."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -36,9 +38,10 @@ class RecordingChange:
 
     Attributes:
         covariance: Covariance of the base parameters by the change of friction and offsets, shape (b, b).
-        offset: Standard deviation of the offset of each joint whose model has no offset, else 0, shape (n,) [N·m or
-            N].
-        variance: Variance of the torque, mean over the training rows of each joint, shape (n,) [(N·m)² or N²].
+        offset: Standard deviation of the torque offset of each joint whose model has no offset, 0 for other joints,
+            shape (n,) [N·m or N].
+        variance: Variance of the torque by both, mean over the training rows of each joint, shape (n,) [(N·m)² or
+            N²].
     """
 
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -47,7 +50,7 @@ class RecordingChange:
 
     @property
     def known(self) -> bool:
-        """True unless the run was written by a version that did not know the change."""
+        """True if the change was computed; false in runs of earlier versions, which did not store it."""
         return bool(self.covariance.size)
 
     def __post_init__(self) -> None:
@@ -59,7 +62,7 @@ class RecordingChange:
 def recording_change(
     model: DynamicsModel, base: BaseParameters, values: Array, information: Information, observations: Observations
 ) -> RecordingChange:
-    """Usual change of friction and offsets of an arm with the estimated friction.
+    """Computes the usual change of friction and offsets between recordings, from the estimated friction of an arm.
 
     Args:
         model: Arm and torque terms.
@@ -91,7 +94,12 @@ def torque_range(observations: Observations) -> Array:
 
 
 def mean_parameter_variance(information: Information, covariance: Array) -> Array:
-    """Variance of the predicted torque by the covariance (b, b), mean over the rows of each joint, shape (n,)."""
+    """Variance of the predicted torque, mean over the rows of each joint, shape (n,) [(N·m)² or N²].
+
+    Args:
+        information: Factors of the rows.
+        covariance: Covariance of the base parameters, shape (b, b).
+    """
     whole = total(information)
     variance = np.zeros(whole.n)
     for j, joint in enumerate(whole.joints):

@@ -26,18 +26,20 @@ from armid.estimation.uncertainty.covariance import Uncertainty, scale_covarianc
 from armid.estimation.uncertainty.left_out_recordings import LeftOut
 
 PRIOR_RECORDINGS = 4.0
-"""Number of left-out recordings to which the mean over all parameters is equivalent, in the mean of one parameter."""
+"""Weight of the mean over all parameters in the scatter of one parameter, as an equivalent number of left-out
+recordings."""
 
 SMALLEST_DIFFERENCE = 0.1
-"""Lower limit of the difference of the variances, as a share of the variance without the recording. The difference of
-two estimated variances can be zero or negative."""
+"""Lower limit of the difference between the variances of the estimates without and with a recording, as a share of
+the variance without the recording. The difference of two estimated variances can be zero or negative."""
 
 LARGEST = 25.0
-"""Upper limit of one squared ratio: a single parameter of a single recording must not decide the mean of all."""
+"""Upper limit of the squared change of one parameter without one recording, divided by the variance of the change. It
+prevents that a single parameter of a single recording determines the mean over all."""
 
 
 def covariance_by_scales(fit: Fit, problem: EstimationProblem) -> Array:
-    """Part of the covariance of a fit that uncertain torque scales cause, shape (b, b); zero if scales are exact."""
+    """Part of the covariance of a fit that uncertain torque scales cause, shape (b, b); zero if they are exact."""
     if not problem.information.scale_deviation.any():
         return np.zeros_like(fit.covariance)
     own = Uncertainty(fit, problem)
@@ -47,7 +49,10 @@ def covariance_by_scales(fit: Fit, problem: EstimationProblem) -> Array:
 def with_recording_scatter(
     fit: Fit, left_out: Sequence[LeftOut], recordings: int, by_scales: Array, change: Array
 ) -> Fit:
-    """Adds the usual change between recordings to the covariance of a fit, and multiplies it by a larger scatter.
+    """Adds the usual change between recordings to the covariance of a fit, and multiplies the sum by scatter factors.
+
+    A factor is larger than one if the estimate of a parameter scatters more between recordings than its covariance
+    predicts.
 
     Args:
         fit: Estimate from all training recordings.
@@ -83,7 +88,7 @@ def with_recording_scatter(
 
 
 def _widened(fit: StandardFit, factor: Array) -> StandardFit:
-    """Standard parameters whose deviations and intervals are multiplied by a factor for each, shape (p,)."""
+    """Fit of standard parameters whose deviations and intervals are multiplied by factors, shape (p,)."""
     low, high = fit.intervals.T
     bounded = (low == 0.0) & (high > 0.0)  # physics forbids negative values
     ends = fit.values[:, None] + factor[:, None] * (fit.intervals - fit.values[:, None])
@@ -94,7 +99,9 @@ def _widened(fit: StandardFit, factor: Array) -> StandardFit:
 def scatter_factors(
     values: Array, variance: Array, left_out: Sequence[LeftOut], recordings: int, change: Array
 ) -> Array:
-    """Factor of the variance of each parameter by the scatter between recordings, at least 1, shape (b,).
+    """Factor on the variance of each parameter that follows from the scatter between recordings, shape (b,).
+
+    The factor is at least 1.
 
     Args:
         values: Estimate from all recordings, shape (b,).

@@ -26,8 +26,8 @@ from armid.measurement.observations import ObservedRun
 from armid.measurement.processing.row_mask import LOBE_HALF_WIDTH
 
 MIN_EIGENVALUE = 1e-8
-"""Smallest ratio of the smallest to the largest eigenvalue of the normal matrix with unit columns at which the
-rows away from reversals determine an estimate."""
+"""Smallest ratio of the smallest to the largest eigenvalue of the normal matrix (columns of unit length) with which
+the rows away from reversals determine an estimate."""
 
 
 def shift_by_reversals(problem: EstimationProblem, values: Array, weights: Array, prior: Array) -> Array | None:
@@ -59,9 +59,8 @@ def shift_of_unknowns(
 ) -> Array:
     """Shift of an estimate of u unknowns if rows near reversals are left out.
 
-    The parameters are functions of the unknowns.
-
-    Directions that only rows near reversals determine cannot be compared; their shift is zero.
+    The parameters are linear functions of the unknowns. In directions that only rows near reversals determine, no
+    comparison is possible, and the shift is zero.
 
     Args:
         problem: Problem with its samples, in b parameters.
@@ -92,7 +91,11 @@ def shift_of_unknowns(
 def _rows_away_from_reversals(
     problem: EstimationProblem, weights: Array
 ) -> Iterator[tuple[int, NDArray[np.int64], Array, Array]]:
-    """Weighted rows away from reversals: joint, indices of its k parameters, columns (k, M) and torque (M,)."""
+    """Yields weighted rows away from reversals.
+
+    Yields:
+        Index of the joint, indices of its k parameters, columns (k, M) and torque (M,) of M rows.
+    """
     model, base, observations = problem.require_samples("cover")
     source = column_source(model, base)
     for given in observations.runs:
@@ -117,7 +120,10 @@ def _solve(normal: Array, pull: Array) -> Array | None:
 
 
 def _is_away(run: ObservedRun, band: Band) -> NDArray[np.bool_]:
-    """Mask (M, n) of the rows without a reversal within the averaged samples or the main lobe of the filter."""
+    """Mask (M, n) of the rows of a run that are away from reversals of the joint.
+
+    No reversal lies within the samples that are averaged for the row or within the main lobe of the filter.
+    """
     speed = np.abs(run.motion.dq)
     slow = speed < SLOW_SHARE * np.sqrt(np.mean(speed**2, axis=0))
     reach = -(-run.step // 2) if band.family == "none" else round(LOBE_HALF_WIDTH * run.rate / band.cutoff)

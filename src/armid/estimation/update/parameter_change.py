@@ -48,5 +48,5 @@ class ParameterChange:
 
 
 def changed(changes: Iterable[ParameterChange]) -> list[ParameterChange]:
-    """Selects the changes that noise does not explain, the largest first, for command line, record and page."""
+    """Selects the changes that noise does not explain, the largest first."""
     return sorted((each for each in changes if each.beyond), key=lambda each: -each.size)

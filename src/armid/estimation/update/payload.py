@@ -70,8 +70,7 @@ class PayloadEstimate:
         status: Status of each parameter.
         com: Centre of mass, shape (3,) [m].
         com_intervals: 95 % intervals of the centre of mass, shape (3, 2) [m]; NaN if the recording does not determine
-            a
-            parameter from which the coordinate is computed.
+            a parameter from which the coordinate is computed.
         inertia_intervals: 95 % intervals of the inertia about the centre of mass, in the order of `LOAD_NAMES`, shape
             (6, 2) [kg·m²]; NaN if the recording does not determine a parameter from which the value is computed.
         distance: Distance between `values` and `unconstrained` in standard deviations; zero if `unconstrained` is
@@ -103,7 +102,7 @@ class PayloadEstimate:
 
     @property
     def quantile(self) -> float:
-        """Quantile of Student's t distribution by which the intervals are wider than one standard deviation."""
+        """Half width of the 95 % intervals in standard deviations: quantile of Student's t distribution."""
         columns = len(self.solution.values)
         return float(student_quantile(float(self.solution.freedom[columns - 10 : columns].min())))
 
@@ -272,7 +271,7 @@ class _Region:
         return values, self._distance(nearest_free)
 
     def _depth(self) -> float:
-        """Smallest eigenvalue of the estimate's pseudo-inertia minus `EPSILON`; negative for inconsistent bodies."""
+        """Smallest eigenvalue of the estimate's pseudo-inertia minus `EPSILON`; negative for an inconsistent body."""
         return float(np.linalg.eigvalsh(pseudo_inertia(self.estimate))[0]) - EPSILON
 
     def intervals(self, nearest: Array, freedom: float, undetermined: NDArray[np.bool_]) -> Array:

@@ -82,7 +82,13 @@ def recalibrate_fit(
 
 
 def _fit(new: Information, to_new: Array, solved: JointSolution) -> Fit:
-    """Makes the fit of the new base parameters, with the residuals of the new recordings."""
+    """Makes the fit of the new base parameters, with the residuals of the new recordings.
+
+    Args:
+        new: Factors of the new recordings.
+        to_new: Matrix from the unknowns of the stacked problem to the new base parameters, shape (b, c).
+        solved: Solution of the stacked problem.
+    """
     part = np.abs(to_new) / np.abs(to_new).sum(axis=1, keepdims=True)
     values = to_new @ solved.values
     rows, moved = new.rows.sum(axis=0), solved.fit.report.moved
@@ -108,6 +114,14 @@ def _changes(
     If a parameter has separate values in earlier and new recordings, the standard deviation of the difference follows
     from the common solution of all recordings. If a parameter has one common value, the earlier and the new estimate
     are compared as if they were independent.
+
+    Args:
+        names: Names of the base parameters.
+        fit: The earlier estimate.
+        estimate: The new estimate.
+        difference: Matrix from the unknowns of the common solution to the changes, zero for common parameters, shape
+            (b, c).
+        solved: The common solution.
     """
     before = collapse(names, fit)
     earlier = np.array([[name == copy.of_all for copy in fit.names] for name in names], dtype=np.float64)
@@ -131,6 +145,12 @@ def _shifted(earlier: Information, unknowns: tuple[str, ...], values: Array, sol
 
     The residuals of the factors stay the same. Therefore least squares on the shifted factors and the factors of the
     new recordings gives the new values.
+
+    Args:
+        earlier: Factors of the earlier recordings.
+        unknowns: Names of the c unknowns of the common solution.
+        values: New values of the parameters of the factors.
+        solution: Common solution, shape (c,).
     """
     position = {name: k for k, name in enumerate(unknowns)}
     joints = [np.array(joint.R) for joint in earlier.joints]

@@ -43,7 +43,7 @@ class PriorInformation:
 
     Attributes:
         precision: Normal matrix of prior and earlier recordings, shape (u, u).
-        certain: Covariance of the estimate caused by rows of known variance, shape (u, u).
+        certain: Covariance of the estimate caused by rows of the prior, whose variance is known, shape (u, u).
         scatter: Covariance of the estimate caused by the noise of earlier recordings, shape (u, u).
         freedom: Degrees of freedom of `scatter`, shape (u,).
         moved: Shift of the estimate by rows near reversals in earlier recordings, shape (u,).
@@ -149,7 +149,10 @@ class JointCovariance(Uncertainty):
         return result
 
     def noise_covariance(self, scatter: Array) -> Array:
-        """Covariance of the estimate by the noise of new and earlier recordings, shape (u, u)."""
+        """Covariance of the estimate that the noise of new and earlier recordings causes, shape (u, u).
+
+        `scatter` is the covariance that the noise of the new recordings causes, shape (u, u).
+        """
         return scatter + self.remaining.scatter
 
     def reversal_shift(self) -> Array:
@@ -174,7 +177,14 @@ class JointCovariance(Uncertainty):
         return A.T @ A
 
     def with_scatter(self, fit: Fit, scatter: Array, known_covariance: Array, freedom: Array | float) -> Fit:
-        """Fit with covariance and degrees of freedom, which follow from earlier and new noise [Satterthwaite1946]."""
+        """Fit with covariance and degrees of freedom, combined from earlier and new noise [Satterthwaite1946].
+
+        Args:
+            fit: The fit.
+            scatter: Covariance that the noise of the new recordings causes, shape (u, u).
+            known_covariance: Covariance from all other sources, which is added, shape (u, u).
+            freedom: Degrees of freedom of `scatter`, shape (u,) or a number.
+        """
         if fit.covariance_kind in ("period", "block"):
             scatter = _as_wide(
                 blend_with_textbook(scatter, self._textbook(), float(np.min(freedom))), np.diag(scatter)

@@ -34,9 +34,9 @@ rounding error."""
 
 @dataclass(frozen=True, eq=False, slots=True)
 class EarlierErrors:
-    """Errors of an earlier estimate whose information is stacked with new data.
+    """Errors of an earlier estimate: its covariance, and the shift that rows near velocity reversals cause.
 
-    They are its covariance, and the shift of its parameters that rows near velocity reversals cause.
+    The information of the earlier estimate is stacked with new data.
 
     Attributes:
         blocks: Mask of the blocks that belong to the earlier estimate, shape (blocks,).
@@ -155,6 +155,12 @@ def _maps(
     """Two matrices (b, c) from the unknowns to base parameters: of the earlier recordings, and of the new recordings.
 
     If the earlier recordings have separate parameters, the mean is taken.
+
+    Args:
+        names: Names of the b base parameters.
+        separated: Names of the c unknowns.
+        changing: Mask of the base parameters that have separate values in the new recordings, shape (b,).
+        last: Number of the last earlier recording.
     """
     position = {name: k for k, name in enumerate(separated)}
     before, after = np.zeros((2, len(names), len(separated)))
@@ -170,9 +176,16 @@ def _maps(
 
 
 def _continuity_rows(earlier: Information, before: Array, after: Array, changing: NDArray[np.bool_]) -> Array:
-    """Rows of a weak prior on changes of parameters, which has an effect only on changes that data do not determine.
+    """Rows of a weak prior with mean zero on the changes of parameters between earlier and new recordings.
 
-    One standard deviation is a change whose torque is as large as the whole torque of the joints on which it acts.
+    The prior has an effect only on changes that the data do not determine. One standard deviation is a change whose
+    torque is as large as the whole torque of the joints on which it acts.
+
+    Args:
+        earlier: Factors of the earlier recordings.
+        before: Matrix from the unknowns to the earlier base parameters, shape (b, c).
+        after: Matrix from the unknowns to the base parameters in the new recordings, shape (b, c).
+        changing: Mask of the base parameters that have separate values in the new recordings, shape (b,).
     """
     A, y = stack(total(earlier))
     length = np.linalg.norm(A, axis=0)
@@ -192,6 +205,12 @@ def _shift_to_estimate(separated: Information, old: NDArray[np.bool_], earlier: 
 
     The shift is zero if the earlier estimate is a least-squares solution. It is not zero if constraints were active
     or if single rows had weights.
+
+    Args:
+        separated: Factors of all blocks in the unknowns.
+        old: Mask of the earlier blocks, shape (blocks,).
+        earlier: Factors from which the earlier estimate was computed.
+        fit: The earlier estimate.
     """
     kept, selection = _in_estimate_parameters(earlier, separated.names, fit)
     order = [kept.names.index(name) for name in fit.names]
@@ -240,7 +259,7 @@ def _is_definite(precision: Array) -> bool:
 
 
 def _in_estimate_parameters(earlier: Information, names: tuple[str, ...], fit: Fit) -> tuple[Information, Array]:
-    """Factors with the parameters of the earlier estimate, and matrix (b', c) from the unknowns to these."""
+    """Factors in the b' parameters of the earlier estimate, and matrix (b', c) from unknowns to these parameters."""
     with_copies = [name.of_all for name in fit.names if name.recording]
     kept = separate_by_recording(earlier, np.isin(earlier.names, with_copies)) if with_copies else earlier
     selection = np.zeros((len(fit.names), len(names)))

@@ -1,9 +1,9 @@
-"""Rate of false alarms by cross-validation: thresholds without a part of the unseen motion, judged on this part.
+"""Rate of false alarms by cross-validation: thresholds are computed without a part of the unseen motion.
 
-Thresholds follow the peaks of the motion from which they are made. On other motion there are therefore more alarms
-than their tails tell: levels, tails and the variant of the threshold are chosen on the same peaks. On three simulated
-arms with three sets of 15 minutes each, an hour of other motion had 1.23 times the alarms in the mean, at most 1.84
-times; cross-validation on the 15 minutes told 1.00 to 1.36 times.
+The alarms on this part are then counted. Levels, tails and the variant of the threshold are all chosen with the peaks
+of the motion from which the thresholds are made. Other motion therefore has more alarms than the tails predict. On
+three simulated arms with three sets of 15 minutes each, an hour of other motion had 1.23 times the predicted alarms
+in the mean, and at most 1.84 times; cross-validation on the 15 minutes gave 1.00 to 1.36 times.
 """
 
 from __future__ import annotations
@@ -21,26 +21,27 @@ from armid.runs.monitoring.thresholds import Thresholds, alarm_rows, find_thresh
 from armid.study.progress import Progress, no_progress
 
 FOLDS = 10
-"""Number of folds, and smallest number of pieces into which the unseen motion is cut."""
+"""Number of folds of the cross-validation, and smallest number of pieces into which the unseen motion is divided."""
 
 EXPECTED = 25.0
-"""Smallest expected number of alarms at which cross-validation is done: fewer cannot tell a ratio. For a lower rate,
-the ratio at this number is used."""
+"""Smallest expected number of alarms on the unseen motion for the cross-validation: with fewer alarms, the ratio of
+counted to expected alarms is too uncertain. For a lower rate, the ratio at this number is used."""
 
 
 def validated_thresholds(
     unseen: Sequence[Observed], friction: Array, per_hour: float, excess: float
 ) -> tuple[Thresholds, tuple[Tail | None, ...]]:
-    """Thresholds for a rate of false alarms on other motion.
+    """Computes thresholds for a rate of false alarms on other motion than that from which they are computed.
 
     Args:
         unseen: Residuals of unseen motion without contact.
         friction: Dry friction of each joint, shape (n,) [N·m or N].
         per_hour: False alarms per hour, of the whole arm.
-        excess: Rate by cross-validation divided by the rate that the tails tell, as `rate_excess` gives it.
+        excess: Rate by cross-validation divided by the rate that the tails predict, as computed by `rate_excess`.
 
     Returns:
-        The thresholds, whose rates are those on other motion, and the tail of each joint's residual.
+        The thresholds, whose rates are those on other motion, and the tail of each joint's residual; `None` for a
+        joint if the motion is too short.
     """
     found, tails = find_thresholds(unseen, friction, per_hour / excess)
     return replace(found, rate=per_hour, smallest=found.smallest * excess), tails
@@ -75,13 +76,20 @@ def rate_excess(
 
 
 def count_alarms(thresholds: Thresholds, observed: Observed) -> int:
-    """Number of alarms along a contiguous part."""
+    """Number of alarms that thresholds give along a contiguous part of a recording."""
     over = (np.abs(observed.external) > thresholds.along(observed)) & observed.usable
     return len(alarm_rows(over, observed.rate))
 
 
 def _in_fold(observed: Observed, first: int, pieces: int, fold: int) -> NDArray[np.bool_]:
-    """Samples (N,) of a part that belong to a fold; its contiguous pieces are numbered from `first` on."""
+    """Mask (N,) of the samples of a contiguous part that belong to a fold.
+
+    Args:
+        observed: The part with N samples.
+        first: Number of the first piece of this part.
+        pieces: Number of consecutive pieces into which the part is divided.
+        fold: Index of the fold; piece k belongs to fold k modulo `FOLDS`.
+    """
     number = first + np.arange(len(observed.time)) * pieces // len(observed.time)
     return number % FOLDS == fold
 

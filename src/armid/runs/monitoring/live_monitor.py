@@ -1,7 +1,9 @@
-"""Monitor that takes one sample at a time, for a running controller.
+"""Monitor that processes one sample at a time, for a running controller.
 
-live = LiveMonitor(make_monitor(load_run("runs/arm"), false_alarms=1.0), rate=1000.0)
-seen = live.update(q, tau)  # for each sample
+The monitor is created once and then called for each sample:
+
+    live = LiveMonitor(make_monitor(load_run("runs/arm"), false_alarms=1.0), rate=1000.0)
+    sample = live.update(q, tau)  # for each sample
 """
 
 from __future__ import annotations
@@ -21,17 +23,18 @@ from armid.runs.monitoring.thresholds import AFTER_REST, REST_SPEED, REST_TIME
 from armid.runs.monitoring.tip_wrench import TipWrench, tip_wrench
 
 LONG_AGO = 10**6
-"""Number of samples since a rest above which they are not counted, because the allowance has long vanished."""
+"""Largest counted number of samples since a joint was at rest; after so many samples, the allowance for dry friction
+is zero."""
 
 
 class Sample(NamedTuple):
     """External torque and thresholds after one sample.
 
     Attributes:
-        external: External torque, shape (n,) [N·m or N].
-        threshold: Threshold, shape (n,) [N·m or N].
-        exceeded: True for joints whose external torque exceeds the threshold, shape (n,); never while the observer
-            settles.
+        external: External torque of each joint, shape (n,) [N·m or N].
+        threshold: Threshold of the absolute external torque of each joint, shape (n,) [N·m or N].
+        exceeded: Mask of the joints whose external torque exceeds the threshold, shape (n,); false for all joints
+            while the observer settles.
     """
 
     external: Array
@@ -40,12 +43,22 @@ class Sample(NamedTuple):
 
     @property
     def alarm(self) -> bool:
-        """True if a joint exceeds its threshold."""
+        """True if the external torque of at least one joint exceeds its threshold."""
         return bool(self.exceeded.any())
 
 
 class _Constants(NamedTuple):
-    """Constants of a monitor at a sample rate."""
+    """Constants of the filters and counters of a monitor at its sample rate.
+
+    Attributes:
+        corner: Corner of each stage of the filter of motion and torque [1/s].
+        stage: Stage of this filter.
+        decay: Factor of the last output in the filter of the momentum observer; 0 for the other observer.
+        momentum: True for the momentum observer.
+        forgets: Factor of the last output in the low-pass from which the change of the torque follows.
+        settled: Number of samples until the observer has settled.
+        rest: Number of slow samples from which a joint counts as resting.
+    """
 
     corner: float
     stage: LowPassStage
@@ -58,7 +71,19 @@ class _Constants(NamedTuple):
 
 @dataclass(slots=True)
 class _State:
-    """State after `count` samples; values of joints (n,), and of the filter for each quantity."""
+    """State of the observer and of the counters after some samples; arrays have one value per joint.
+
+    Attributes:
+        count: Number of samples.
+        filtered: Last input, and outputs of the first and of the second stage, of the filter of motion and torque.
+        last: Filtered position, velocity and measured torque of the last sample.
+        both: Predicted and measured torque after the filter of the momentum observer, shape (n,) each [N·m or N].
+        slow: Torque of the model after the low-pass from which its change follows, shape (n,) [N·m or N].
+        slow_steps: Number of consecutive samples with a speed below `REST_SPEED`, shape (n,).
+        since_rest: Number of samples since the last rest, shape (n,).
+        position: Filtered positions, shape (n,) [rad or m].
+        memory: Hysteresis states; `None` before the first sample or without hysteresis.
+    """
 
     count: int
     filtered: tuple[Array, Array, Array]
@@ -72,7 +97,7 @@ class _State:
 
     @classmethod
     def empty(cls, n: int, rest: int) -> _State:
-        """State before the first sample of n joints."""
+        """State before the first sample of n joints; `rest` is the number of slow samples that counts as a rest."""
         zero = np.zeros(n)
         three = (zero, zero, zero)
         return cls(0, three, three, (zero, zero), zero, np.full(n, rest), np.full(n, LONG_AGO), zero)
@@ -106,19 +131,21 @@ class LiveMonitor:
         self.reset()
 
     def reset(self) -> None:
-        """Forgets all samples, for instance after a gap; the observer settles anew."""
+        """Returns to the state before the first sample, for instance after a gap; the observer settles again."""
         self._state = _State.empty(len(self._model.joints), self._constants.rest)
 
     def update(self, q: ArrayLike, torque: ArrayLike, dq: ArrayLike | None = None) -> Sample:
-        """External torque and thresholds after a new sample.
+        """Processes a new sample, and returns external torque and thresholds.
 
         Args:
             q: Measured positions, shape (n,) [rad or m].
             torque: Measured torque, shape (n,) [N·m or N].
-            dq: Measured velocities, shape (n,), if the recordings have them from which the thresholds come.
+            dq: Measured velocities, shape (n,) [rad/s or m/s]; required if the thresholds were computed from
+                recordings with velocities, otherwise not allowed.
 
         Raises:
-            ArmidError: A shape is wrong, or values are not finite; the observer is as before.
+            ArmidError: A shape is wrong, values are not finite, or velocities are missing or not allowed; the state
+                of the observer does not change.
         """
         n = len(self._model.joints)
         u = array(q, (n,), "q")
@@ -149,12 +176,12 @@ class LiveMonitor:
         return Sample(external, threshold, (np.abs(external) > threshold) & ready)
 
     def wrench(self, sample: Sample) -> TipWrench:
-        """Wrench at the tip that explains the external torque of the last sample."""
+        """Wrench at the tip that explains the external torque of `sample`, the result of the last `update`."""
         covariance = self.monitor.thresholds.covariance
         return tip_wrench(self.monitor.run.robot, self._state.position, sample.external, covariance)
 
     def _twice(self, u: Array) -> tuple[Array, Array]:
-        """Values (k, n) of k quantities after one and after two stages of the filter."""
+        """Filters a new sample of k quantities; input and outputs of first and second stage have the shape (k, n)."""
         stage, state = self._constants.stage, self._state
         before, first, second = (u, u, u) if state.count == 0 else state.filtered
         new = stage.decay * first + stage.old * before + stage.new * u
@@ -163,7 +190,14 @@ class LiveMonitor:
         return new, out
 
     def _torques(self, q: Array, dq: Array, ddq: Array, measured: Array) -> tuple[Array, Array]:
-        """Predicted and measured torque (n,) after the filters of the observer."""
+        """Predicted and measured torque after the filter of the observer, shape (n,) each [N·m or N].
+
+        Args:
+            q: Filtered positions, shape (n,) [rad or m].
+            dq: Filtered velocities, shape (n,) [rad/s or m/s].
+            ddq: Filtered accelerations, shape (n,) [rad/s² or m/s²].
+            measured: Filtered measured torque, shape (n,) [N·m or N].
+        """
         state = self._state
         if not self._constants.momentum:
             return self._inverse_dynamics(q, dq, ddq), measured
@@ -196,7 +230,12 @@ class LiveMonitor:
         return self._model.torque(q, dq, ddq, state.memory)
 
     def _threshold(self, dq: Array, change: Array) -> Array:
-        """Thresholds (n,) for a velocity and a change of the torque of the model, each (n,)."""
+        """Thresholds of all joints after a new sample, shape (n,) [N·m or N].
+
+        Args:
+            dq: Filtered velocities, shape (n,) [rad/s or m/s].
+            change: Torque of the model after a high-pass, shape (n,) [N·m or N].
+        """
         found, state = self.monitor.thresholds, self._state
         state.slow_steps = np.where(np.abs(dq) < REST_SPEED, state.slow_steps + 1, 0)
         resting = state.slow_steps >= self._constants.rest

@@ -1,6 +1,7 @@
-"""Monitor of a run: external torque of recordings, and alarms where it exceeds thresholds of a promised rate.
+"""Monitor of a run: external torque of recordings, and alarms if it exceeds thresholds.
 
-This is no safety function: it is not redundant, not certified, and stops nothing.
+The thresholds are computed for a given rate of false alarms. The monitor is no safety function: it is not redundant,
+not certified, and stops nothing.
 """
 
 from __future__ import annotations
@@ -32,26 +33,27 @@ from armid.runs.run import Run
 from armid.study.progress import Progress, no_progress
 
 RATE_RATIO = 1.1
-"""Largest ratio of the sample rate to that of the unseen motion, and its inverse; other noise passes otherwise."""
+"""Largest ratio between the sample rate of the monitored motion and that of the unseen motion, in both directions.
+With other rates, the filters pass another part of the noise."""
 
 WATCHED = 0.9
-"""Share of the time in which alarms are possible on a joint below which a finding says so."""
+"""Smallest share of the time in which alarms must be possible on a joint; below it, a finding reports the share."""
 
 NO_SAFETY = (
     "This is no safety function: it is neither certified nor redundant and stops nothing. Do not protect people with "
     "it."
 )
-"""Sentence of every output about what a monitor is not."""
+"""Warning in every output that a monitor is no safety function."""
 
 LOWEST = 1.0
-"""Lowest rate per hour that is chosen if none is given."""
+"""Smallest rate of false alarms that is chosen if the user gives no rate [1/h]."""
 
 SEARCHES = 5
-"""Largest number of searches for the smallest rate that can be promised."""
+"""Largest number of iterations of the search for the smallest rate of false alarms that can be promised."""
 
 DRY_SPEED = 0.05
-"""Speed at which the dry friction of a joint is read from the model [rad/s or m/s]: fast enough for the usual width
-of Coulomb friction, and so slow that viscous friction is small."""
+"""Speed at which the dry friction of a joint is computed from the model [rad/s or m/s]. It is larger than the usual
+width of Coulomb friction, and so small that viscous friction is negligible."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -61,11 +63,11 @@ class Monitor:
     Attributes:
         run: The run.
         options: Kind and gain of the observer.
-        rate: Sample rate of the unseen motion [Hz], for which the thresholds hold.
+        rate: Sample rate of the unseen motion [Hz], for which the thresholds are valid.
         thresholds: The thresholds.
-        tails: Tail of the scaled residual of each joint; `None` where the unseen motion is too short.
-        source: Where the unseen motion comes from: `reference`, `recordings` or `parts`.
-        velocity: True if recorded velocities are an input.
+        tails: Tail of the distribution of each joint's scaled residual; `None` if the unseen motion is too short.
+        source: Source of the unseen motion: `reference`, `recordings` or `parts`.
+        velocity: True if recorded velocities are an input of the observer.
         findings: Findings about the thresholds.
     """
 
@@ -81,13 +83,13 @@ class Monitor:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Alarm:
-    """Time in which the external torque of one joint or several exceeded the thresholds.
+    """Interval of time in which the external torque of one or several joints exceeded the thresholds.
 
     Attributes:
         joint: Name of the joint whose torque exceeds its threshold by the largest factor.
-        joints: Names of all joints with an exceedance.
+        joints: Names of all joints whose torque exceeds the threshold in the interval.
         start: Time of the first exceedance [s].
-        duration: Time to the last exceedance [s].
+        duration: Time from the first to the last exceedance [s].
         time: Time of the largest exceedance [s].
         size: External torque of the joint at this time [N·m or N].
         threshold: Threshold of the joint at this time [N·m or N].
@@ -111,11 +113,11 @@ class Watched:
     """External torque and alarms of a recording.
 
     Attributes:
-        parts: External torque along each contiguous part.
+        parts: External torque along each contiguous part of the recording.
         thresholds: Thresholds along each part, shape (N, n) each [N·m or N].
         alarms: Alarms in the order of time.
-        seconds: Time in which alarms were possible [s].
-        findings: Findings about times that were not watched.
+        seconds: Total time in which alarms were possible [s].
+        findings: Findings about joints and times for which alarms were not possible.
     """
 
     parts: tuple[Observed, ...]
@@ -126,7 +128,13 @@ class Watched:
 
 
 def require_rate(expected: float, rate: float, source: str = "The samples") -> None:
-    """Raises an error if a sample rate [Hz] differs from that of the thresholds by more than `RATE_RATIO`."""
+    """Raises an error if a sample rate differs from that of the thresholds by more than the factor `RATE_RATIO`.
+
+    Args:
+        expected: Sample rate for which the thresholds are valid [Hz].
+        rate: Sample rate [Hz].
+        source: Subject of the error message.
+    """
     if not 1.0 / RATE_RATIO <= rate / expected <= RATE_RATIO:
         raise ArmidError(
             f"{source} come at {rate:.5g} Hz, but the thresholds are for {expected:.5g} Hz.",
@@ -191,7 +199,12 @@ def make_monitor(
 
 
 def dry_friction(run: Run, parts: Sequence[Observed]) -> Array:
-    """Dry friction of each joint, shape (n,) [N·m or N]: half the jump of the torque of the model at a reversal."""
+    """Dry friction of each joint, shape (n,) [N·m or N]: half the jump of the torque of the model at a reversal.
+
+    Args:
+        run: The run.
+        parts: External torque along parts of recordings, whose poses are used.
+    """
     model, theta = run.model, torque_parameters(run.estimate.base, run.estimate.fit)
     q = np.concatenate([part.q[:: max(1, len(part.q) // 20)] for part in parts])
     jumps = np.empty(model.n)
@@ -212,7 +225,7 @@ def dry_friction(run: Run, parts: Sequence[Observed]) -> Array:
 
 
 def watch(monitor: Monitor, recording: Recording) -> Watched:
-    """External torque and alarms along a recording, with the same values as sample by sample.
+    """Computes external torque and alarms along a recording, with the same results as `LiveMonitor`.
 
     Args:
         monitor: The monitor.
@@ -233,10 +246,10 @@ def watch(monitor: Monitor, recording: Recording) -> Watched:
 
 
 def _unwatched(monitor: Monitor, parts: Sequence[Observed], recording: Recording) -> tuple[Finding, ...]:
-    """Finding about joints that were not watched in a part of a recording; empty if there are none.
+    """Finding about joints on which alarms were not possible during a part of a recording; empty if there are none.
 
     Raises:
-        ArmidError: No joint could be watched at any time.
+        ArmidError: Alarms were not possible on any joint at any time.
     """
     rows = sum(len(part.time) for part in parts)
     counts = np.sum([part.usable.sum(axis=0) for part in parts], axis=0) if parts else np.zeros(monitor.run.robot.n)
@@ -267,7 +280,13 @@ def _unwatched(monitor: Monitor, parts: Sequence[Observed], recording: Recording
 
 
 def find_alarms(monitor: Monitor, part: Observed, thresholds: Array) -> list[Alarm]:
-    """Alarms along one contiguous part, with its thresholds (N, n); exceedances within `GAP` are one alarm."""
+    """Finds the alarms along one contiguous part; exceedances within the time `GAP` are one alarm.
+
+    Args:
+        monitor: The monitor.
+        part: External torque along the part, N samples.
+        thresholds: Thresholds along the part, shape (N, n) [N·m or N].
+    """
     ratio = np.where(part.usable, np.abs(part.external) / thresholds, 0.0)
     return [_alarm(monitor, part, thresholds, ratio, rows) for rows in alarm_rows(ratio > 1.0, part.rate)]
 
@@ -297,7 +316,13 @@ def _alarm(monitor: Monitor, part: Observed, thresholds: Array, ratio: Array, ro
 
 
 def _findings(found: Thresholds, unseen: UnseenResiduals, asked: float | None) -> list[Finding]:
-    """Findings about what the thresholds can promise."""
+    """Findings about the reliability of the thresholds: a rate that cannot be promised, or too few recordings.
+
+    Args:
+        found: The thresholds.
+        unseen: Residuals from which they were computed.
+        asked: Rate of false alarms that the user gave [1/h]; `None` if not given.
+    """
     minutes = found.seconds / 60.0
     findings: list[Finding] = []
     if not found.promised:

@@ -14,7 +14,7 @@ from armid.runs.monitoring.tip_wrench import NAMES, TipWrench
 
 
 def monitor_record(monitor: Monitor, watched: Sequence[tuple[str, Watched]]) -> dict[str, Any]:
-    """JSON object about a monitor, and the alarms in recordings, each with its path."""
+    """JSON object with a monitor and the alarms of recordings; `watched` contains the path of each recording."""
     found = monitor.thresholds
     joints = monitor.run.robot.joint_names
     units = ["N" if joint.is_prismatic else "N·m" for joint in monitor.run.robot.joints]
@@ -63,7 +63,7 @@ def _alarm_record(alarm: Alarm) -> dict[str, Any]:
 
 
 def wrench_record(wrench: TipWrench) -> dict[str, Any]:
-    """JSON object about a wrench; a standard deviation of null stands for a component that is not determined."""
+    """JSON object with a wrench; the standard deviation of a component that is not determined is null."""
     return {
         "axes": "base",
         "components": NAMES,

@@ -1,7 +1,8 @@
-"""Observer of the external torque: causal filters, and the difference of the model's and the measured torque.
+"""Observer of the external torque: difference between the torque of the model and the measured torque, both filtered.
 
-Positions (or recorded velocities) and torque pass the same causal filter, two equal first-order stages, so that they
-stay in step; velocity and acceleration follow from the states of the stages without differences. Then
+Positions (or recorded velocities) and torque pass the same causal filter of two equal first-order stages, so that
+they have the same delay. Velocity and acceleration follow from the states of the stages without difference quotients.
+There are two kinds of observers:
 
 - `momentum`: the generalised momentum p = M(q) q̇ gives r = K (p - ∫(τ + ∂T/∂q - g - τ_f + r) dt) [DeLuca2005]. Over a
   step h, the increment of p without the work of ∂T/∂q is M Δq̇ + h C q̇ at the middle of the step (midpoint rule), so
@@ -9,7 +10,7 @@ stay in step; velocity and acceleration follow from the states of the stages wit
   the same observer; neither the derivative of the mass matrix nor an integral that drifts is needed.
 - `residual`: inverse dynamics of the filtered motion minus filtered torque.
 
-Both are late by 2/gain in the mean. The external torque is positive if it accelerates the joint.
+Both have a mean delay of 2/gain. The external torque is positive if it accelerates the joint in positive direction.
 """
 
 from __future__ import annotations
@@ -29,19 +30,21 @@ OBSERVERS = ("momentum", "residual")
 """Kinds of observers."""
 
 GAIN = 100.0
-"""Default gain [1/s]: the observer is late by 20 ms, and a step of the torque reaches 90 % of its size in 35 ms."""
+"""Default gain K [1/s]: the delay of the observer is 20 ms, and its step response reaches 90 % after 35 ms."""
 
 GAIN_PER_RATE = 0.5
-"""Largest gain divided by the sample rate. Above it, the filters are shorter than two samples."""
+"""Largest ratio of the gain [1/s] to the sample rate [Hz]. With a larger gain, the time constants of the filters
+would be shorter than two samples."""
 
 LEAST_GAIN = 10.0
-"""Smallest gain [1/s]: with it the observer settles in the time `SETTLED`."""
+"""Smallest gain that a user may give [1/s]; with this gain, the observer settles within the time `SETTLED`."""
 
 SLOW = 10.0
-"""Corner of the high-pass that shows changes of the torque of the model [1/s]; reversals act for about 0.1 s."""
+"""Corner of the high-pass that gives the change of the torque of the model [1/s]; the effect of a reversal lasts
+about 0.1 s."""
 
 SETTLED = 1.0
-"""Time after the start of a log or a gap from which the observer is used [s]."""
+"""Time after the start of a log or after a gap in which the observer settles and gives no alarms [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +53,8 @@ class ObserverOptions:
 
     Attributes:
         kind: `momentum` or `residual`.
-        gain: Gain K [1/s]; the observer is late by 2/K. `None` for the smaller of `GAIN` and half the sample rate.
+        gain: Gain K [1/s]; the delay of the observer is 2/K. `None` for the smaller of `GAIN` and half the sample
+            rate.
     """
 
     kind: Literal["momentum", "residual"] = "momentum"
@@ -71,7 +75,7 @@ class ObserverOptions:
             )
 
     def gain_at(self, rate: float) -> float:
-        """Gain [1/s] at a sample rate [Hz].
+        """Gain K of the observer [1/s] at a sample rate [Hz]: the stated gain, or the default.
 
         Raises:
             ArmidError: The stated gain is too high for the rate.
@@ -86,7 +90,7 @@ class ObserverOptions:
         return min(GAIN, highest) if self.gain is None else self.gain
 
     def stage_at(self, rate: float) -> float:
-        """Corner of each stage of the filter of motion and torque [1/s]."""
+        """Corner [1/s] of each stage of the filter of motion and torque, at a sample rate [Hz]."""
         return self.gain_at(rate) * (2.0 if self.kind == "momentum" else 1.0)
 
 
@@ -108,14 +112,14 @@ class LowPassStage:
 
     @classmethod
     def of(cls, corner: float, rate: float) -> LowPassStage:
-        """Stage with a corner ω [1/s] at a sample rate [Hz]."""
+        """Filter stage with a corner ω [1/s] for a sample rate [Hz]."""
         x = corner / rate
         decay = float(np.exp(-x))
         mean = -float(np.expm1(-x)) / x
         return cls(decay, mean - decay, 1.0 - mean)
 
     def along(self, u: Array) -> Array:
-        """Filtered values (N, n) of an input (N, n) that was constant before its first sample."""
+        """Filters an input (N, n), which counts as constant before its first sample; output of shape (N, n)."""
         from scipy.signal import lfilter
 
         start = (self.old + self.decay) * u[:1]
@@ -124,16 +128,17 @@ class LowPassStage:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Observed:
-    """External torque and what its threshold depends on, N samples of n joints.
+    """Estimated external torque along N samples of n joints, and the quantities on which its threshold depends.
 
     Attributes:
         time: Times, shape (N,) [s].
         rate: Sample rate [Hz].
-        q: Filtered positions, shape (N, n).
-        dq: Filtered velocities, shape (N, n).
+        q: Filtered positions, shape (N, n) [rad or m].
+        dq: Filtered velocities, shape (N, n) [rad/s or m/s].
         external: Estimated external torque, shape (N, n) [N·m or N].
         change: Torque of the model after a high-pass, shape (N, n) [N·m or N].
-        usable: False while the observer settles, and where samples are not valid, shape (N, n).
+        usable: Mask of samples at which alarms are possible, shape (N, n): false while the observer settles, and
+            while samples that are not valid are in the filter.
         velocity: True if recorded velocities were used.
     """
 
@@ -148,7 +153,15 @@ class Observed:
 
 
 def filtered_motion(options: ObserverOptions, time: Array, rate: float, q: Array, dq: Array | None) -> Motion:
-    """Motion after the causal filter; velocities are those recorded, or derivatives of the positions."""
+    """Motion after the causal filter of an observer.
+
+    Args:
+        options: Kind and gain of the observer.
+        time: Times, shape (N,) [s].
+        rate: Sample rate [Hz].
+        q: Positions, shape (N, n) [rad or m].
+        dq: Recorded velocities, shape (N, n); if `None`, velocities follow from the positions.
+    """
     corner = options.stage_at(rate)
     stage = LowPassStage.of(corner, rate)
     first = stage.along(q)
@@ -161,7 +174,10 @@ def filtered_motion(options: ObserverOptions, time: Array, rate: float, q: Array
 
 
 def at_middle(motion: Motion) -> Motion:
-    """Motion at the middle of each step, with the difference of the velocities as acceleration; N - 1 samples."""
+    """Motion at the middle of each of the N - 1 steps between N samples.
+
+    The acceleration is the difference of the velocities at both ends of the step, divided by its duration.
+    """
     step = np.diff(motion.time)[:, None]
     q, dq = (0.5 * (x[1:] + x[:-1]) for x in (motion.q, motion.dq))
     return Motion(motion.time[1:], q, dq, np.diff(motion.dq, axis=0) / step)
@@ -179,7 +195,7 @@ def external_torque_along(
     start: float = 0.0,
     bad: NDArray[np.bool_] | None = None,
 ) -> Observed:
-    """External torque along a uniform log, as the streaming observer gives it sample by sample.
+    """Computes the external torque along a log with a uniform sample rate; `LiveMonitor` gives the same values.
 
     Args:
         model: Arm and torque terms.
@@ -190,8 +206,7 @@ def external_torque_along(
         dq: Recorded velocities, shape (N, n); `None` if there are none.
         torque: Measured torque, shape (N, n) [N·m or N].
         start: Time of the first sample [s].
-        bad: True for samples that are not valid, shape (N, n); an alarm there, or while they are in the filter, is
-            not given.
+        bad: Mask of samples that are not valid, shape (N, n); while they are in the filter, alarms are not possible.
     """
     time = start + np.arange(len(q)) / rate
     stage = LowPassStage.of(options.stage_at(rate), rate)
@@ -216,7 +231,7 @@ def external_torque_along(
 
 
 def _with_states(model: DynamicsModel, motion: Motion) -> Motion:
-    """Motion with the hysteresis states that begin at its first positions, as those of a running controller do."""
+    """Adds hysteresis states to a motion; they start at the first positions, as in a monitor that runs live."""
     if not model.nodes:
         return motion
     motion, known = model.remembered(motion)
@@ -232,14 +247,14 @@ def _with_states(model: DynamicsModel, motion: Motion) -> Motion:
 
 
 def _step_filter(u: Array, decay: float) -> Array:
-    """First-order low-pass y_k = decay · y_(k-1) + (1 - decay) · u_k of values (N, n), at rest at the start."""
+    """First-order low-pass y_k = decay · y_(k-1) + (1 - decay) · u_k of values (N, n), with y_0 = u_0."""
     from scipy.signal import lfilter
 
     return lfilter([1.0 - decay], [1.0, -decay], u, axis=0, zi=decay * u[:1])[0]
 
 
 def _spread(bad: NDArray[np.bool_], after: int) -> NDArray[np.bool_]:
-    """Flags (N, n) that also hold for `after` samples after each flag."""
+    """Mask (N, n) that is true at each true sample of `bad` and at the `after` samples that follow it."""
     sums = np.cumsum(bad, axis=0)
     before = np.concatenate([np.zeros((min(after, len(bad)), bad.shape[1]), dtype=sums.dtype), sums[:-after]])
     return sums - before > 0

@@ -4,10 +4,10 @@ The residual of joint j is compared with c s_j(t) + F_j w_j(t). The scale s foll
 
     s² = a₀ + a₁ (change of the model's torque)² + a₂ q̇²,
 
-or is constant, whichever gives the lower mean threshold at the same rate. F_j is the dry friction of the joint: at
-rest, where it may have any value up to its bound, w is 1, and decays afterwards. The factor c follows from the peaks
-of the square of the scaled residual (`armid.maths.peaks_over_threshold`), which has an exponential tail if the
-residual is Gaussian. The rate is divided among the joints.
+or is constant, whichever gives the lower mean threshold at the same rate. F_j is the bound of the dry friction of the
+joint. The weight w is 1 at rest, where dry friction may have any value up to its bound, and decays afterwards. The
+factor c follows from the peaks of the square of the scaled residual (`armid.maths.peaks_over_threshold`), which has
+an exponential tail if the residual is Gaussian. Each joint gets an equal share of the rate of false alarms.
 """
 
 from __future__ import annotations
@@ -23,30 +23,32 @@ from armid.maths.peaks_over_threshold import Tail, fit_tail
 from armid.runs.monitoring.observer import Observed
 
 GAP = 0.25
-"""Time without an exceedance that separates two alarms [s]; a reversal of friction disturbs for about this time."""
+"""Shortest time without an exceedance that separates two alarms [s]; the disturbance by a reversal lasts about as
+long."""
 
 PROMISED = 1.5
 """Factor within which a promised rate is met in two of three cases: a rate is promised if the logarithm of the true
 rate has a smaller standard deviation than the logarithm of this factor."""
 
 REST_SPEED = 0.01
-"""Speed below which a joint counts as resting [rad/s or m/s]."""
+"""Speed below which a joint counts as resting, if it stays below for `REST_TIME` [rad/s or m/s]."""
 
 REST_TIME = 0.1
-"""Time below `REST_SPEED` from which a joint counts as resting [s]; a reversal passes faster."""
+"""Time that the speed must be below `REST_SPEED` for a joint to count as resting [s]; a reversal is shorter."""
 
 AFTER_REST = 20.0
 """Rate at which the allowance for dry friction decays after a rest [1/s]."""
 
 STICTION = 1.2
-"""Bound of the friction at rest divided by the Coulomb friction; usual ratios are 1.1 to 1.5, and what a controller
-leaves at rest is rarely at the bound."""
+"""Bound of the friction at rest, divided by the Coulomb friction. Usual ratios are 1.1 to 1.5; the friction that
+remains when a controller has stopped a joint is rarely at the bound."""
 
 SMALLEST_SHARE = 0.05
-"""Smallest share of the mean square residual in the constant part of the scale: motion cannot explain all of it."""
+"""Smallest ratio of the constant part a₀ of the squared scale to the mean square residual, because motion cannot
+explain the whole residual."""
 
 PASSES = 60
-"""Number of multiplicative updates of the scale."""
+"""Number of multiplicative updates by which the coefficients of the scale are estimated."""
 
 SCALE_ROWS = 20000
 """Largest number of rows from which the scale is estimated."""
@@ -57,16 +59,17 @@ class Thresholds:
     """Thresholds of all joints.
 
     Attributes:
-        scale: Coefficients a of the scale of each joint, shape (n, 3).
+        scale: Coefficients a₀, a₁, a₂ of the squared scale s² of each joint, shape (n, 3).
         factor: Factor c of each joint, shape (n,).
-        follows: True for joints whose threshold follows the motion, shape (n,).
+        follows: Mask of the joints whose threshold depends on the motion, shape (n,).
         friction: Allowance F for dry friction at rest, shape (n,) [N·m or N].
         covariance: Covariance of the residuals of the joints, shape (n, n).
         rate: False alarms per hour for which the thresholds were made.
-        smallest: Smallest rate per hour that the residuals can promise; infinite if none.
+        smallest: Smallest rate per hour that can be promised with these residuals; infinite if none can.
         seconds: Duration of the unseen motion [s].
-        mean: Mean threshold of each joint on the unseen motion, shape (n,) [N·m or N].
-        constant: Mean threshold of each joint, if it were constant, shape (n,) [N·m or N].
+        mean: Mean threshold of each joint on the unseen motion, without the allowance F, shape (n,) [N·m or N].
+        constant: Threshold of each joint for the same rate if it does not depend on the motion, shape (n,) [N·m or
+            N].
     """
 
     scale: Array
@@ -87,7 +90,7 @@ class Thresholds:
 
     @property
     def promised(self) -> bool:
-        """True if the residuals can promise the rate."""
+        """True if the rate of false alarms can be promised: it is at least `smallest`."""
         return self.rate >= self.smallest
 
     def along(self, observed: Observed) -> Array:
@@ -110,12 +113,12 @@ def alarm_rows(over: NDArray[np.bool_], rate: float) -> list[NDArray[np.intp]]:
 
 
 def usable_seconds(parts: Sequence[Observed]) -> float:
-    """Time in which alarms were possible in some parts [s]."""
+    """Total time in which alarms were possible on at least one joint, over all parts [s]."""
     return sum(float(np.count_nonzero(each.usable.any(axis=1))) / each.rate for each in parts)
 
 
 def rest_weight(observed: Observed) -> Array:
-    """Share of the allowance for dry friction at each sample, shape (N, n): 1 at rest, decaying afterwards."""
+    """Weight w of the allowance for dry friction at each sample, shape (N, n): 1 at rest, decaying afterwards."""
     slow = np.abs(observed.dq) < REST_SPEED
     needed = int(np.ceil(REST_TIME * observed.rate))
     index = np.arange(len(slow))[:, None]
@@ -128,7 +131,7 @@ def rest_weight(observed: Observed) -> Array:
 def find_thresholds(
     unseen: Sequence[Observed], friction: Array, per_hour: float
 ) -> tuple[Thresholds, tuple[Tail | None, ...]]:
-    """Thresholds for a rate of false alarms.
+    """Computes the thresholds for a rate of false alarms.
 
     Args:
         unseen: Residuals of unseen motion without contact.
@@ -136,8 +139,8 @@ def find_thresholds(
         per_hour: False alarms per hour, of the whole arm.
 
     Returns:
-        The thresholds, and the tail of each joint's residual; `None` where the motion is too short for one. The
-        threshold is then the largest residual.
+        The thresholds, and the tail of the distribution of each joint's residual. If the motion is too short for a
+        tail, it is `None`, and the threshold is the largest residual.
     """
     n = unseen[0].external.shape[1]
     allowance = STICTION * friction
@@ -162,9 +165,13 @@ def find_thresholds(
 
 
 def smallest_rate(tails: Sequence[Tail | None]) -> float:
-    """Smallest rate of false alarms per hour, of the whole arm, that is met within `PROMISED`; infinite if none.
+    """Smallest rate of false alarms of the whole arm that can be promised within the factor `PROMISED` [1/h].
 
-    The errors of the joints' rates are independent, so that of their sum is smaller by the root of their number.
+    The result is infinite if no rate can be promised. The errors of the rates of n joints count as independent, so
+    the relative error of their sum is smaller by the factor √n.
+
+    Args:
+        tails: Tail of the distribution of each joint's residual; `None` if the motion is too short.
     """
     known = [tail for tail in tails if tail is not None]
     if len(known) < len(tails) or not known:
@@ -185,14 +192,21 @@ def smallest_rate(tails: Sequence[Tail | None]) -> float:
 
 
 def residual_covariance(unseen: Sequence[Observed]) -> Array:
-    """Second moments (n, n) of the residuals of the joints on unseen motion."""
+    """Mean products of the residuals of two joints on unseen motion, shape (n, n) [(N·m)² or N²]."""
     rows = np.concatenate([each.external[each.usable.all(axis=1)] for each in unseen])
     return rows.T @ rows / max(len(rows), 1)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Part:
-    """Residual of one joint, without the allowance for friction at rest; NaN where it is not usable."""
+    """Residual of one joint along a contiguous part of N samples.
+
+    Attributes:
+        residual: Absolute residual minus the allowance for friction at rest, at least 0; NaN for samples that are not
+            usable, shape (N,) [N·m or N].
+        squares: One, squared change of the model's torque, and squared velocity, shape (N, 3).
+        rate: Sample rate [Hz].
+    """
 
     residual: Array
     squares: Array
@@ -212,7 +226,10 @@ def _constant_scale(parts: Sequence[_Part]) -> Array:
 
 
 def _fitted_scale(parts: Sequence[_Part]) -> Array:
-    """Coefficients (3,) ≥ 0 with the highest Gaussian likelihood, by multiplicative updates [Fevotte2009]."""
+    """Nonnegative coefficients a of the squared scale with the highest Gaussian likelihood, shape (3,).
+
+    They are computed by multiplicative updates [Fevotte2009].
+    """
     every = max(1, sum(len(part.residual) for part in parts) // SCALE_ROWS)
     residual = np.concatenate([part.residual[::every] for part in parts])
     squares = np.concatenate([part.squares[::every] for part in parts])[~np.isnan(residual)]
@@ -230,7 +247,15 @@ def _fitted_scale(parts: Sequence[_Part]) -> Array:
 
 
 def _factor(parts: Sequence[_Part], a: Array, rate: float) -> tuple[float, Tail | None]:
-    """Factor of the scale for a rate [1/s] of a joint, and the tail; without a tail, the largest scaled residual."""
+    """Factor c of a joint for a rate of false alarms, and the tail of its scaled residual.
+
+    If the motion is too short for a tail, the factor is the largest scaled residual, and the tail is `None`.
+
+    Args:
+        parts: Residual of the joint along each part.
+        a: Coefficients of the squared scale, shape (3,).
+        rate: Rate of false alarms of the joint [1/s].
+    """
     scaled = [(part.residual**2 / (part.squares @ a), part.rate) for part in parts]
     tail = fit_tail(scaled, GAP)
     if tail is None:

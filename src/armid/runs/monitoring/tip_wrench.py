@@ -1,8 +1,9 @@
-"""Wrench at the tip from external joint torques, with its covariance and the directions that the arm does not show.
+"""Wrench at the tip from external joint torques, with its covariance and the directions that are not determined.
 
-With the Jacobian J of the tip, external joint torques are r = Jᵀ w + e, where e has the covariance of the residuals.
-Directions of the wrench whose standard deviation is too large, as near a singular pose or with fewer than six joints,
-are not determined: the estimate has no component in them, and they are named.
+With the Jacobian J of the tip, a wrench w causes the external joint torques r = Jᵀ w + e, where e has the covariance
+of the residuals. A direction of the wrench counts as not determined if its standard deviation is too large, for
+instance near a singular pose or with fewer than six joints. The estimate has no component in such directions, and
+they are reported.
 """
 
 from __future__ import annotations
@@ -16,12 +17,13 @@ from armid.robot.kinematics import forward_kinematics, frame_pose, longest_reach
 from armid.robot.robot import Robot
 
 SINGULAR = 30.0
-"""Standard deviation of a direction, in multiples of that of the best known direction, from which it counts as not
-determined. On the iiwa 14, Panda and UR10e in random poses, the ratio of largest to smallest is 5 to 20 in the
-middle half of the poses."""
+"""Ratio of the standard deviation of a direction of the wrench to the smallest one, from which the direction counts
+as not determined. On the iiwa 14, Panda and UR10e in random poses, the ratio of the largest to the smallest standard
+deviation is 5 to 20 in the middle half of the poses."""
 
 LENGTH_SHARE = 0.25
-"""Length that makes moments comparable with forces, divided by the reach of the arm: a typical lever arm."""
+"""Length by which moments are divided for a comparison with forces, relative to the reach of the arm: a typical lever
+arm."""
 
 NAMES = ("FX", "FY", "FZ", "MX", "MY", "MZ")
 """Names of the components of a wrench: force [N] and moment [N·m] in the axes of the base."""
@@ -34,10 +36,12 @@ class TipWrench:
     Attributes:
         value: Force [N] and moment [N·m], shape (6,).
         covariance: Covariance in the directions that are determined, shape (6, 6).
-        undetermined: Unit directions that are not determined, shape (k, 6); the moments are divided by `length`.
-        length: Length that makes moments comparable with forces [m].
-        misfit: Square of the part of the torques that no wrench at the tip explains, in units of its covariance, per
-            degree of freedom; NaN if there is none. Large values tell of a contact elsewhere.
+        undetermined: The k unit directions that are not determined, shape (k, 6); their moments are divided by
+            `length`.
+        length: Length by which moments are divided for a comparison with forces [m].
+        misfit: Squared part of the torques that no wrench at the tip explains, in units of their covariance, divided
+            by its degrees of freedom; NaN without degrees of freedom. Large values indicate a contact at another
+            place.
     """
 
     value: Array
@@ -48,13 +52,19 @@ class TipWrench:
 
     @property
     def deviation(self) -> Array:
-        """Standard deviation of each component, infinite where an undetermined direction contributes, shape (6,)."""
+        """Standard deviation of each component, shape (6,) [N and N·m].
+
+        It is infinite for components that have a part in an undetermined direction.
+        """
         lost = (self.undetermined**2).sum(axis=0) > 0.01 if len(self.undetermined) else np.zeros(6, dtype=np.bool_)
         return np.where(lost, np.inf, np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
 
 
 def tip_jacobian(robot: Robot, q: Array) -> Array:
-    """Jacobian of the tip in one pose, shape (6, n): velocity of the tip and angular velocity, axes of the base."""
+    """Jacobian of the tip at joint positions q (n,), shape (6, n): velocity of the tip, then angular velocity.
+
+    Both are in the axes of the base.
+    """
     rotations, origins = forward_kinematics(robot, q[None])
     _, tip = frame_pose(robot, q[None])
     jacobian = np.zeros((6, robot.n))

@@ -1,8 +1,9 @@
-"""Residuals of a run on motion that its parameters have not seen.
+"""Residuals of a run on unseen motion: motion that was not used to estimate the parameters.
 
-They come from reference recordings without contact, if they are given. Otherwise they come from the recordings of the
-run: those for validation, and those for training, each predicted by an estimate without it, or, if there is only one,
-each fifth of it by an estimate from the others.
+If reference recordings without contact are given, the residuals are computed from them. Otherwise the recordings of
+the run are used: each recording for validation, and each recording for training with an estimate from the other
+recordings. A single training recording is divided into at most five parts; each part is predicted by an estimate from
+the other parts.
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ from armid.study.recordings.processed import ProcessedRecording, joined_observat
 from armid.study.recordings.reading import position_zero_deviation, scale_deviation
 
 MARGIN = 0.5
-"""Time on both sides of a left-out part that is not used for the estimate either [s]; filters reach across it."""
+"""Time on both sides of a left-out part that is not used for the estimate either [s], because filters correlate it
+with the left-out part."""
 
 LEAST_PART = 2.0
 """Shortest part of a recording that is left out [s]."""
@@ -47,10 +49,10 @@ class UnseenResiduals:
     """Residuals of unseen motion.
 
     Attributes:
-        parts: The residuals, one for each contiguous part.
-        source: Where they come from: `reference`, `recordings` (left out in turn, or for validation) or `parts`.
+        parts: The residuals along each contiguous part of the recordings.
+        source: Source of the motion: `reference`, `recordings` (left out in turn, or for validation) or `parts`.
         recordings: Number of recordings.
-        findings: Findings.
+        findings: Findings about data that could not be used.
     """
 
     parts: tuple[Observed, ...]
@@ -67,18 +69,18 @@ def external_torque_of(
     *,
     velocity: bool | None = None,
 ) -> tuple[Observed, ...]:
-    """External torque along each contiguous part of a recording.
+    """Computes the external torque along each contiguous part of a recording.
 
     Args:
         run: The run.
         options: Options of the observer.
         recording: Recording in the convention of the robot.
         parameters: Standard parameters; if not given, those of the run.
-        velocity: True if recorded velocities must be used, false if they are not; if not given, they are used if
-            there are any.
+        velocity: True if recorded velocities must be used, false if they must not be used; if not given, they are
+            used if the recording has velocities.
 
     Raises:
-        RecordingError: The rows of the recording are not consecutive, or it has no torque or clock.
+        ArmidError: The rows of the recording are not consecutive, or it lacks torque, clock or required velocities.
     """
     if recording.consecutive is False:
         raise ArmidError(
@@ -114,14 +116,14 @@ def external_torque_of(
 
 
 def reference_residuals(run: Run, options: ObserverOptions, references: Sequence[Recording]) -> UnseenResiduals:
-    """Residuals of reference recordings without contact, on which the run was not trained."""
+    """Residuals of a run on reference recordings without contact, on which the run was not trained."""
     velocity = all(each.dq is not None for each in references)
     parts = [part for each in references for part in external_torque_of(run, options, each, velocity=velocity)]
     return UnseenResiduals(tuple(parts), "reference", len(references))
 
 
 def own_residuals(run: Run, options: ObserverOptions, data: Path | str | None = None) -> UnseenResiduals:
-    """Residuals of the recordings of a run, each without its effect on the estimate.
+    """Residuals of the recordings of a run; each training recording is predicted by an estimate without it.
 
     Args:
         run: The run.
@@ -177,7 +179,7 @@ def own_residuals(run: Run, options: ObserverOptions, data: Path | str | None = 
 
 
 def _omitted_finding(run: Run, omitted: Sequence[str]) -> tuple[Finding, ...]:
-    """Finding about data that cannot be left out, because the other data do not determine all parameters."""
+    """Finding that names data without which the parameters are not determined, so that they cannot be left out."""
     evidence = (
         f"The thresholds do not contain {', '.join(omitted)}: the other data of {run.folder} do not determine all "
         "parameters."
@@ -198,7 +200,10 @@ def _problem(run: Run, training: Sequence[ProcessedRecording]) -> EstimationProb
 
 
 def _separated(run: Run, study: Study, problem: EstimationProblem) -> EstimationProblem:
-    """Problem with friction or offsets for each recording, if the study asks for them and there are several."""
+    """Problem with separate friction or offsets for each recording, if the study asks for them.
+
+    If there is only one recording, the problem is returned unchanged.
+    """
     choice = study.estimation
     several = len(np.unique(problem.information.recording)) > 1
     if not several or not (choice.friction_per_recording or choice.offset_per_recording):
@@ -209,7 +214,7 @@ def _separated(run: Run, study: Study, problem: EstimationProblem) -> Estimation
 
 
 def _without(problem: EstimationProblem, recording: int) -> EstimationProblem:
-    """Problem without a recording."""
+    """Estimation problem without the recording of the given number."""
     model, base, observations = problem.require_samples("monitoring")
     rest = tuple(each for each in observations.runs if each.recording != recording)
     return _again(problem, model, base, replace(observations, runs=rest))
@@ -226,7 +231,7 @@ def _again(problem: EstimationProblem, model: Any, base: Any, observations: Obse
 
 
 def _parameters(run: Run, problem: EstimationProblem, method: Estimator) -> Array | None:
-    """Standard parameters (p,) of an estimate without some data; `None` if the other data do not determine them."""
+    """Standard parameters (p,) from the data of a problem; `None` if the data do not determine the parameters."""
     try:
         fit: Fit = method.solve(problem)
     except (EstimationError, np.linalg.LinAlgError):
@@ -242,9 +247,10 @@ def _left_out_parts(
     problem: EstimationProblem,
     method: Estimator,
 ) -> tuple[list[Observed], int]:
-    """Residuals of the parts of the only training recording, each predicted by an estimate from the others.
+    """Residuals of the parts of a single training recording; each part is predicted by an estimate from the others.
 
-    The second result is the number of parts without which the others do not determine the parameters.
+    The second result is the number of parts that could not be left out, because the other parts do not determine the
+    parameters.
     """
     model, base, observations = problem.require_samples("monitoring")
     begin = min(float(each.motion.time[0]) for each in observations.runs)
@@ -271,12 +277,12 @@ def _left_out_parts(
 
 
 def _outside(observed: Any, low: float, high: float) -> Any:
-    """Run without the rows between two times [s]."""
+    """Contiguous run in which the rows between the times `low` and `high` [s] are masked."""
     time = observed.motion.time[observed.rows]
     return replace(observed, mask=observed.mask & ~((time >= low) & (time < high))[:, None])
 
 
 def _only(observed: Observed, rows: NDArray[np.bool_]) -> Observed:
-    """Samples that a mask (N,) selects."""
+    """External torque at the samples that a mask (N,) selects."""
     names = ("time", "q", "dq", "external", "change", "usable")
     return replace(observed, **{name: getattr(observed, name)[rows] for name in names})

@@ -1,1 +1,1 @@
-"""Experiments on the virtual arm that the thesis does not have: causes of its residual, and other motions."""
+"""Additional experiments on the virtual arm: causes of the residual of the thesis, and other motions."""

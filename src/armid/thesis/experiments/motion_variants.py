@@ -25,12 +25,12 @@ from armid.thesis.algorithm import NOISE, REPETITIONS, TEST_RATE, Fitted, errors
 from armid.thesis.setting import DESIGNED, PERIOD, Setting
 
 SLOWER = (1, 2, 4, 8)
-"""Factors by which the period of 27 s of Table A.2 is multiplied."""
+"""Factors by which the period of 27 s of Table A.2 of the thesis is multiplied."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Slower:
-    """Torque errors of an estimate along Table A.2 of the thesis, executed in longer and longer periods.
+    """Torque errors of three estimates along the motion of Table A.2 of the thesis, executed in several periods.
 
     Attributes:
         period: Period [s], shape (k,).
@@ -70,7 +70,7 @@ class Family:
         unknowns: Number of parameters of all joints.
         condition: Condition number of the stacked base regressor Y_b, sampled at 100 Hz.
         scaled: Condition number for columns of unit length.
-        highest: Frequency below which 99 % of the variance of the joint velocities lies, largest of the joints [Hz].
+        highest: Frequency below which 99 % of the variance of a joint's velocity lies, maximum over the joints [Hz].
         printed: Torque error on Table A.2 after Algorithm 3 as printed [N·m].
         corrected: Torque error on Table A.2 with the right sign of gravity and filtered columns [N·m].
     """
@@ -85,7 +85,7 @@ class Family:
 
 
 def families(setting: Setting, printed: ProcessingOptions, corrected: ProcessingOptions) -> tuple[Family, ...]:
-    """Searches each parameterisation with the same number of tries, and identifies the virtual arm with the result.
+    """Finds a motion for each parameterisation with the same number of tries, and identifies the virtual arm with it.
 
     Args:
         setting: Arm, true parameters and motions.
@@ -113,12 +113,17 @@ def families(setting: Setting, printed: ProcessingOptions, corrected: Processing
 
 
 def _grid(rate: float) -> Array:
-    """Instants of one period, divided by the period, shape (N,)."""
+    """Sample times of one period, divided by the period, shape (N,), at a sample rate [Hz]."""
     return np.arange(round(DESIGNED * rate)) / (DESIGNED * rate)
 
 
 def _fourier(x: Array, s: Array) -> Array:
-    """Fourier series of ten harmonics that begins at rest in zero, from (7, 20) numbers."""
+    """Fourier series of ten harmonics that begins at rest at the position zero, shape (N, 7).
+
+    Args:
+        x: Coefficients, shape (7, 20).
+        s: Times divided by the period, shape (N,).
+    """
     number = np.arange(1, HARMONICS + 1)
     angle = 2.0 * np.pi * number * s[:, None]
     a, b = np.split(x, 2, axis=1)
@@ -130,7 +135,12 @@ def _fourier(x: Array, s: Array) -> Array:
 
 
 def _spline(x: Array, s: Array) -> Array:
-    """Spline of fifth degree through (7, 17) points at equal distances, at rest in zero at both ends."""
+    """Spline of fifth degree that is at rest at the position zero at both ends, shape (N, 7).
+
+    Args:
+        x: Positions at 17 equidistant times for each joint, shape (7, 17).
+        s: Times divided by the period, shape (N,).
+    """
     knots = np.linspace(0.0, 1.0, x.shape[1] + 2)
     values = np.concatenate([np.zeros((len(x), 1)), x, np.zeros((len(x), 1))], axis=1)
     still = [(1, np.zeros(len(x))), (2, np.zeros(len(x)))]
@@ -139,12 +149,22 @@ def _spline(x: Array, s: Array) -> Array:
 
 
 def _polynomial(x: Array, s: Array) -> Array:
-    """Polynomial of degree 22 that is at rest in zero at both ends, from (7, 17) Chebyshev coefficients."""
+    """Polynomial of degree 22 that is at rest at the position zero at both ends, shape (N, 7).
+
+    Args:
+        x: Chebyshev coefficients, shape (7, 17).
+        s: Times divided by the period, shape (N,).
+    """
     return (s * (1.0 - s))[:, None] ** 3 * np.polynomial.chebyshev.chebval(2.0 * s - 1.0, x.T).T
 
 
 def _chirp(x: Array, s: Array) -> Array:
-    """Sine whose frequency changes linearly, from (7, 3) numbers: logarithms of both frequencies, and a phase."""
+    """Sine whose frequency changes linearly with time, shape (N, 7).
+
+    Args:
+        x: Logarithms of the first and the last frequency, and a phase, for each joint, shape (7, 3).
+        s: Times divided by the period, shape (N,).
+    """
     first, last = FREQUENCY * np.exp(0.5 * x[:, :2]).T
     window = np.minimum(1.0, np.minimum(s, 1.0 - s) / FADE)
     window = window**3 * (10.0 - 15.0 * window + 6.0 * window**2)  # C² at its ends
@@ -155,7 +175,7 @@ def _chirp(x: Array, s: Array) -> Array:
 HARMONICS = 10
 
 FREQUENCY, FADE = 0.2, 0.1
-"""Middle of the frequencies of chirps [Hz], and share of the period in which a chirp fades in and out."""
+"""Mean frequency of chirps [Hz], and share of the period in which a chirp fades in and out."""
 
 SHAPES: dict[str, tuple[int, Callable[[Array, Array], Array]]] = {
     "Fourier series, 10 harmonics": (20, _fourier),
@@ -163,7 +183,8 @@ SHAPES: dict[str, tuple[int, Callable[[Array, Array], Array]]] = {
     "polynomial of degree 22": (17, _polynomial),
     "chirp": (3, _chirp),
 }
-"""Number of parameters a joint and shape of each parameterisation; a shape is scaled into the limits afterwards."""
+"""Number of parameters of a joint, and function that gives the positions, for each parameterisation by its name. The
+positions are scaled to the limits afterwards."""
 
 TRIES, SEARCH_RATE = 60, 25.0
 """Number of tries for each start of Algorithm 2, and sample rate in the search [Hz]. A third of the tries are random;
@@ -176,7 +197,14 @@ RATE = 1000.0
 def _searched(
     setting: Setting, count: int, shape: Callable[[Array, Array], Array], rng: np.random.Generator
 ) -> Array:
-    """Parameters (7, count) with the smallest condition number that the search finds."""
+    """Parameters (7, count) of the motion with the smallest condition number in a random search.
+
+    Args:
+        setting: Arm, true parameters and motions.
+        count: Number of parameters of a joint.
+        shape: Function that gives the positions (N, 7) for parameters and times.
+        rng: Generator of random numbers.
+    """
     tries, joints = TRIES * setting.extent.starts, setting.hanging.dynamics.n
     best, smallest, width = np.zeros((joints, count)), np.inf, 0.5
     for k in range(tries):
@@ -198,7 +226,11 @@ def _factor(setting: Setting, motion: Motion) -> Array:
 
 
 def _motion(setting: Setting, q: Array, rate: float) -> Motion:
-    """Periodic motion (N, 7), each joint scaled so that it reaches the first of its limits; exact in its band."""
+    """Periodic motion with positions in proportion to q (N, 7), at a sample rate [Hz].
+
+    The positions of each joint are scaled so that the joint just reaches its limit of position or of velocity. The
+    derivatives are computed from the spectrum, so they are exact for band-limited positions.
+    """
     limits = limits_of(setting.hanging.dynamics.robot)
     turn = 2j * np.pi * rate * frequencies(len(q))[:, None]
     dq, ddq = (inverse(turn**k * spectrum(q), len(q)) for k in (1, 2))
@@ -207,13 +239,18 @@ def _motion(setting: Setting, q: Array, rate: float) -> Motion:
 
 
 def _highest(dq: Array, rate: float) -> float:
-    """Frequency below which 99 % of the variance of each velocity lies, largest of the joints [Hz]."""
+    """Frequency below which 99 % of the variance of a joint's velocity lies, maximum over the joints [Hz].
+
+    Args:
+        dq: Velocities, shape (N, 7) [rad/s].
+        rate: Sample rate [Hz].
+    """
     power = np.cumsum(np.abs(spectrum(dq)) ** 2, axis=0)
     return float(rate * frequencies(len(dq))[np.argmax(power >= 0.99 * power[-1], axis=0)].max())
 
 
 def _recorded(setting: Setting, motion: Motion, rng: np.random.Generator) -> Recording:
-    """Mean of five noisy repetitions of a motion at 1 kHz; the noise density is that of the other recordings."""
+    """Simulates the mean of five noisy repetitions of a motion at 1 kHz; the noise density is that of `NOISE`."""
     size = np.sqrt(RATE / NOISE.rate / REPETITIONS)
     torque = setting.hanging.dynamics.torque(motion, setting.theta)
     q = motion.q + size * NOISE.position * rng.standard_normal(motion.q.shape)

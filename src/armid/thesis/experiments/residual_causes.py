@@ -1,9 +1,9 @@
-"""Search for causes of the thesis's own residual: each candidate is simulated and then identified as printed.
+"""Search for causes of the residual of the thesis: simulation and identification of candidate causes.
 
-The printed standard deviations imply the size of the residual; Table 4.1 has a moment of inertia ZZR_1 that is far
-larger than that of the description; and the thesis states that its simulation overestimates the oscillations of the
-torque between the jumps of friction. Each candidate changes the virtual arm or its recording in one way. The
-recording is then identified by Algorithm 3 as printed, and the result is compared with these three observations.
+There are three observations. The printed standard deviations imply the size of the residual. The moment of inertia
+ZZR_1 in Table 4.1 is far larger than that of the description. The thesis states that its simulation overestimates the
+oscillations of the torque between the jumps of friction. Each candidate changes the virtual arm or its recording in
+one way. The recording is then identified by Algorithm 3 as printed, and the result is compared with the observations.
 """
 
 from __future__ import annotations
@@ -33,25 +33,28 @@ RATE = 1000.0
 """Sample rate of the simulated recordings [Hz]. At 8 kHz the residuals of the filtered torque are the same."""
 
 ENDS, SHORTEST = 0.3, 0.5
-"""Time that is left out beside each reversal, which the filtered jump fills, and shortest remaining stretch that is
-used [s]. A jump filtered at 3.5 Hz is over after a period of this frequency, 0.29 s."""
+"""Time that is left out on both sides of each reversal, and shortest remaining interval that is used [s]. The filter
+spreads the jump of friction over the left-out time: with a cut-off of 3.5 Hz, over one period of this frequency,
+0.29 s."""
 
 WINDOW, DEGREE = 0.6, 4
-"""Window [s] and degree of the polynomial that separates fast from slow oscillation: two periods of 3.5 Hz. What it
-leaves of the motion alone is below 0.001 N·m."""
+"""Window [s] and degree of the polynomial that separates fast from slow oscillation. The window contains two periods
+of 3.5 Hz. The deviation of the motion's torque from the polynomial is below 0.001 N·m without oscillation."""
 
 CLOSE, MORE = 0.25, 1.05
-"""Relative difference up to which ZZR_1 counts as that of Table 4.1, and ratio of predicted and measured oscillation
-from which the prediction overestimates it. The ratio is 1.03 with no cause added."""
+"""Largest relative difference of ZZR_1 from Table 4.1 with which a candidate reproduces ZZR_1, and smallest ratio of
+predicted to measured oscillation with which the prediction counts as too large. The ratio is 1.03 without any cause
+added."""
 
 SHIFTS = (-0.05, -0.1, -0.2, 0.1, 0.2)
-"""Delays of the torque relative to the positions that are tried [s]; negative values are positions that come late."""
+"""Delays of the torque relative to the positions that are tried [s]; for negative values the positions are
+delayed."""
 
 UNALIGNED = 0.3
-"""Standard deviation of the start of repetitions that are averaged without alignment [s]."""
+"""Standard deviation of the start times of repetitions that are averaged without alignment [s]."""
 
 SLOW_RIPPLE = (0.2, 20.0)
-"""Amplitude, divided by FS, and waves in a radian of a ripple that is slow enough to pass the filter."""
+"""Amplitude (divided by FS) and number of waves per radian of a ripple that is slow enough to pass the filter."""
 
 FORWARD = ProcessingOptions(
     family="none", columns=False, decimate=0.0, derivatives="central", edges="periodic", trim=0.0, standstill="keep"
@@ -67,11 +70,12 @@ EFFECTS = {
     "ripple": "torque ripple of gear or current loop, 5 % of FS, 200 waves per radian",
     "temperature": "viscous friction that falls with warmth",
 }
-"""Effects of the lab that need no closed loop, with their titles; sizes are those of the lab's documentation."""
+"""Titles of the simulated effects that need no closed loop, by the name of the effect in the lab; the sizes are from
+the documentation of the lab."""
 
 
 FRICTION = tuple(key for key in EFFECTS if key != "rotor")
-"""Effects that are friction."""
+"""Names of the effects in `EFFECTS` that concern friction."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +90,7 @@ class Cause:
         second_moments: Norm of the difference between identified and published moments and products of inertia,
             divided by the norm of the published ones.
         beyond: Share of samples, over all joints, outside the lines of Figure 4.3 of the thesis.
-        oscillation: Ratio of predicted and measured oscillation between jumps, median of the joints.
+        oscillation: Ratio of predicted to measured oscillation between jumps of friction, median over the joints.
     """
 
     key: str
@@ -104,12 +108,12 @@ class CauseSearch:
 
     Attributes:
         rows: The candidates, first the virtual arm without any cause added.
-        lag: Time by which the positions must lag the torque for ZZR_1 of Table 4.1, without and with rotor inertia
-            [s].
-        forward_lag: Difference of the delays of Butterworth filters of order 20 at 3 and 3.5 Hz at low frequency that
-            run forwards only [s].
-        typical: Residual, over all joints, with which each joint has an RMS of half of the lines of Figure 4.3, so
-            that a twentieth of normally distributed samples is outside [N·m].
+        lag: Delay of the positions relative to the torque with which ZZR_1 of Table 4.1 is identified, without and
+            with rotor inertia [s].
+        forward_lag: Difference of the low-frequency delays of two Butterworth filters of order 20 that run forwards
+            only, with cut-offs of 3 and 3.5 Hz [s].
+        typical: RMS residual over all joints if the RMS of each joint is half the distance of the lines of Figure 4.3
+            from zero, so that a twentieth of normally distributed samples is outside the lines [N·m].
     """
 
     rows: tuple[Cause, ...]
@@ -119,7 +123,7 @@ class CauseSearch:
 
 
 def causes(setting: Setting, processing: ProcessingOptions, tell: Callable[[float], None]) -> CauseSearch:
-    """Simulates and identifies every candidate.
+    """Simulates every candidate cause, and identifies the virtual arm from the recording.
 
     Args:
         setting: Arm, true parameters and motions.
@@ -166,7 +170,13 @@ class _Trial:
     def recorded(
         self, *effects: str, mode: str = "inverse-dynamics", change: Callable[[KnownArm], KnownArm] | None = None
     ) -> Recording:
-        """Recording of one period of Table A.1 of the thesis by an arm with some effects."""
+        """Simulates a recording of one period of Table A.1 of the thesis by an arm with additional effects.
+
+        Args:
+            effects: Names of the effects in the lab.
+            mode: Mode of the simulation in the lab.
+            change: Function that changes the simulated arm.
+        """
         truth = with_effects(self.truth, effects) if change is None else change(self.truth)
         physics = self.setting.extent.physics_rate
         options = LabOptions(mode=mode, physics_rate=physics, sensing=Sensing(RATE))  # pyright: ignore[reportArgumentType]
@@ -178,12 +188,15 @@ class _Trial:
         return estimate(self.setting.literal, observed(self.setting, recording, chosen, period))
 
     def lag(self, recording: Recording) -> float:
-        """Time by which positions must lag the torque for ZZR_1 of Table 4.1 [s]; the time enters linearly."""
+        """Delay of the positions relative to the torque with which ZZR_1 of Table 4.1 is identified [s].
+
+        It is computed from two delays, since ZZR_1 is a linear function of the delay.
+        """
         ends = [_value(self.identified(_shifted(recording, -time)), "ZZR_1") for time in (0.0, 0.1)]
         return float(0.1 * (published().base["ZZR_1"][0] - ends[0]) / (ends[1] - ends[0]))
 
     def add(self, key: str, title: str, recording: Recording, processing: ProcessingOptions | None = None) -> None:
-        """Identifies a recording and adds its row."""
+        """Identifies the arm from a recording, and adds the result to the table of candidates."""
         fitted = self.identified(recording, processing)
         (run,) = fitted.observations.runs
         rows = run.rows
@@ -211,8 +224,8 @@ class _Trial:
 def oscillation(torque: Array, dq: Array, time: Array) -> Array:
     """Oscillation of a torque between jumps of friction, shape (n,) [N·m].
 
-    It is the RMS about the mean of each stretch between two reversals of a joint, with the jumps left out; NaN for a
-    joint without such a stretch.
+    It is the RMS deviation from the mean of each interval between two reversals of the joint, without the time near
+    the reversals; NaN for a joint without such an interval.
 
     Args:
         torque: Torque, shape (N, n) [N·m].
@@ -228,10 +241,15 @@ def oscillation(torque: Array, dq: Array, time: Array) -> Array:
 
 
 def ringing(torque: Array, dq: Array, time: Array) -> Array:
-    """Fast oscillation of a torque between jumps of friction, shape (n,) [N·m]; arguments as in `oscillation`.
+    """Fast oscillation of a torque between jumps of friction, shape (n,) [N·m].
 
-    It is the RMS about a polynomial of fourth degree in a window of 0.6 s, which follows the motion but not the
-    oscillation beside a jump that was filtered at 3.5 Hz.
+    It is the RMS deviation from a polynomial of fourth degree that is fitted in a moving window of 0.6 s. The
+    polynomial follows the torque of the motion, but not the oscillation next to a jump that was filtered at 3.5 Hz.
+
+    Args:
+        torque: Torque, shape (N, n) [N·m].
+        dq: Velocities, shape (N, n) [rad/s].
+        time: Time of each sample, shape (N,) [s].
     """
     half = round(0.5 * WINDOW / (time[1] - time[0]))
     powers = np.vander(np.arange(-half, half + 1) / half, DEGREE + 1, increasing=True)
@@ -246,7 +264,12 @@ def ringing(torque: Array, dq: Array, time: Array) -> Array:
 
 
 def between_jumps(dq: Array, time: Array) -> list[slice]:
-    """Rows of each stretch between two reversals of a joint with velocity (N,), without the time beside reversals."""
+    """Rows of each interval between two reversals of a joint, without the time near the reversals.
+
+    Args:
+        dq: Velocity of the joint, shape (N,) [rad/s].
+        time: Time of each sample, shape (N,) [s].
+    """
     cuts = time[np.flatnonzero(np.diff(np.sign(dq)))]
     ends = zip(cuts[:-1] + ENDS, cuts[1:] - ENDS, strict=True)
     return [slice(*np.searchsorted(time, (a, b))) for a, b in ends if b - a >= SHORTEST]
@@ -269,13 +292,13 @@ def _late(shift: float) -> str:
 
 
 def _shifted(recording: Recording, shift: float) -> Recording:
-    """Recording of one period with the torque delayed relative to the positions [s], by whole samples."""
+    """Recording of one period in which the torque is delayed by `shift` [s], rounded to whole samples."""
     assert recording.effort is not None  # the lab logs torque
     return _changed(recording, recording.q, np.roll(recording.effort, round(shift * RATE), axis=0))
 
 
 def _unaligned(recording: Recording) -> Recording:
-    """Mean of five repetitions of a period that begin at random times."""
+    """Mean of five copies of a recorded period, each shifted by a random time, as if averaged without alignment."""
     assert recording.effort is not None  # the lab logs torque
     starts = np.round(UNALIGNED * RATE * np.random.default_rng(0).standard_normal(5)).astype(int)
     q, effort = (np.mean([np.roll(x, k, axis=0) for k in starts], axis=0) for x in (recording.q, recording.effort))
@@ -283,7 +306,7 @@ def _unaligned(recording: Recording) -> Recording:
 
 
 def _forward(recording: Recording) -> Recording:
-    """Recording of one period, repeated without end, after the filters of the thesis in one direction only."""
+    """Recording of one period after the filters of the thesis in forward direction only; the motion is periodic."""
     assert recording.effort is not None  # the lab logs torque
     cutoffs = (THESIS.motion_cutoff or THESIS.band.cutoff, THESIS.band.cutoff)
     signals = (recording.q, recording.effort)
@@ -292,7 +315,12 @@ def _forward(recording: Recording) -> Recording:
 
 
 def _causal(x: Array, sections: Array) -> Array:
-    """Response of second-order sections (k, 6), applied forwards, to a periodic signal (N, n)."""
+    """Response (N, n) of a filter to a periodic signal (N, n), applied forwards.
+
+    Args:
+        x: One period of the signal, shape (N, n).
+        sections: Second-order sections of the filter, shape (k, 6).
+    """
     delay = np.exp(-2j * np.pi * frequencies(len(x)))[:, None] ** np.arange(3)
     response = np.prod((delay @ sections[:, :3].T) / (delay @ sections[:, 3:].T), axis=1)
     return inverse(spectrum(x) * response[:, None], len(x))
@@ -315,7 +343,9 @@ def _slow_ripple(truth: KnownArm) -> KnownArm:
 
 
 def reproduced(row: Cause, implied: Sequence[float]) -> tuple[bool, bool, bool]:
-    """Tests whether a candidate reproduces the residual, ZZR_1 of Table 4.1, and overestimated oscillations.
+    """Tests which observations a candidate reproduces: size of the residual, ZZR_1 of Table 4.1, and oscillations.
+
+    Oscillations are reproduced if the prediction overestimates them.
 
     Args:
         row: The candidate.

@@ -107,7 +107,7 @@ def chapter(title: str, *blocks: Block) -> Section:
 
 
 SMALL = str.maketrans("0123456789ijlnx−", "₀₁₂₃₄₅₆₇₈₉ᵢⱼₗₙₓ₋")
-"""Characters that have a subscript form, with this form; before all other characters the underscore is kept."""
+"""Translation table from characters to their subscript forms; before all other characters the underscore is kept."""
 
 
 def subscripts(text: str) -> str:

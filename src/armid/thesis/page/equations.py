@@ -6,12 +6,12 @@ from armid.thesis.page.chapter_elements import Equation
 
 
 def _i(name: str) -> str:
-    """Variable."""
+    """MathML of a variable with a given name."""
     return f"<mi>{name}</mi>"
 
 
 def _b(name: str) -> str:
-    """Vector or matrix, in bold upright type."""
+    """MathML of a vector or matrix with a given name, in bold upright type."""
     return f'<mi mathvariant="normal" style="font-weight:bold">{name}</mi>'
 
 
@@ -32,12 +32,12 @@ def _frac(above: str, below: str) -> str:
 
 
 def _of(*content: str) -> str:
-    """Content in parentheses of the height of the line."""
+    """MathML of elements in parentheses that have the height of the line."""
     return f"<mo stretchy='false'>(</mo>{''.join(content)}<mo stretchy='false'>)</mo>"
 
 
 def _over(base: str, sign: str) -> str:
-    """Base with an accent."""
+    """MathML of an element with the accent `sign` above it."""
     return f'<mover accent="true">{base}<mo>{sign}</mo></mover>'
 
 

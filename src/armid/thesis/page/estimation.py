@@ -38,7 +38,7 @@ PHYSICAL = (
 
 
 def _noise_of(rate: float) -> str:
-    """Text about the noise at a sample rate [Hz]; empty for 8 kHz."""
+    """Text that converts the noise at 8 kHz to another sample rate [Hz]; empty for 8 kHz."""
     if rate == NOISE.rate:
         return ""
     return f" at 8&nbsp;kHz, times {short(np.sqrt(rate / NOISE.rate), 2)} at this rate, for the same noise density"
@@ -87,7 +87,7 @@ def show_steps(thesis: Thesis) -> Section:
 
 
 def _bias(thesis: Thesis) -> str:
-    """Text on the cause of the error with a one-sided filter: the same without any noise."""
+    """Text that noise is not the cause of the error with a one-sided filter; empty if noise causes half or more."""
     errors = {step.key: step.errors for step in thesis.steps.rows}
     quiet, noisy = errors["one-sided-quiet"], errors["one-sided-padded"]
     if quiet.relative < 0.5 * noisy.relative:
@@ -101,7 +101,10 @@ def _bias(thesis: Thesis) -> str:
 
 
 def _slower_text(thesis: Thesis) -> str:
-    """Text on the closing hypothesis of the thesis, from the errors in the shortest and in the longest period."""
+    """Text that tests a hypothesis of the thesis: that its parameters predict slower motion better.
+
+    The test compares the torque errors for the shortest and the longest period of the motion.
+    """
     found = thesis.steps.slower
     shares = 100.0 * found.printed / found.torque
     first, last = found.one_sided[0], found.one_sided[-1]
@@ -200,7 +203,7 @@ def show_parameters(thesis: Thesis) -> Section:
 
 
 def _masses(found: Results) -> float:
-    """Largest difference of an estimated and a true mass, with filtered columns [kg]."""
+    """Largest difference between estimated and true mass of a link, for the estimate with filtered columns [kg]."""
     return float(np.abs(found.corrected_physical[:, 0] - found.true_physical[:, 0]).max())
 
 
@@ -217,7 +220,16 @@ def _about(printed: Table41, corrected: Table41) -> str:
 def _base_table(
     key: str, caption: str, names: tuple[str, ...], values: Array, relative: Array, truth: Array | None = None
 ) -> Table:
-    """Table of base parameters as in the thesis, in groups side by side, with the true values if they are known."""
+    """Table of base parameters as in the thesis, in groups of columns side by side.
+
+    Args:
+        key: Key of the table.
+        caption: Caption of the table.
+        names: Names of the parameters.
+        values: Values, shape (57,).
+        relative: Relative standard deviations, shape (57,) [%].
+        truth: True values, shape (57,), if they are known.
+    """
     group = [Column("name", words=True), Column("value"), Column("σ", "%")]
     group += [Column("truth")] if truth is not None else []
     columns = [Column(column.title + " " * k, column.unit, column.words) for k in range(GROUPS) for column in group]

@@ -13,17 +13,18 @@ from armid.thesis.page.chapter_elements import Drawings
 from armid.thesis.published import published
 
 VIEW = np.array([[-0.5, 0.866, 0.0], [-0.25, -0.144, 0.957]])
-"""Projection of space to right and up: x towards the viewer to the left, y to the right, z up."""
+"""Matrix (2, 3) that projects a point in space to the picture (right and up): x points towards the viewer and to the
+left, y to the right, z up."""
 
 UNIT = 62.0
-"""Length of an axis of unit length [px]."""
+"""Length of the drawing of a unit vector [px]."""
 
 COLOURS = {"x": "var(--orange)", "y": "var(--blue)", "z": "var(--ink)"}
-"""Colour of each axis of a frame; the axes are also named, so that colour alone carries no meaning."""
+"""Colour of each axis of a frame. The axes also have their names, so that the drawing is clear without colours."""
 
 
 class _Canvas:
-    """SVG under construction: lines and texts at places in pixels, y downwards."""
+    """Builder of an SVG drawing; positions of lines and texts are in pixels, with y downwards."""
 
     def __init__(self, width: float, height: float, label: str) -> None:
         self.width, self.height, self.label = width, height, label
@@ -54,7 +55,15 @@ class _Canvas:
         self.parts.append(f'<path d="{path}" fill="{fill}" stroke="var(--body-2)" stroke-width="1.5"/>')
 
     def frame(self, at: Array, R: Array, index: str, size: float = UNIT, *, names: bool = True) -> None:
-        """Axes of a frame with rotation (3, 3) at a place; an axis towards the viewer is a dot."""
+        """Draws the axes of a frame; an axis towards the viewer is a dot.
+
+        Args:
+            at: Position of the origin, shape (2,) [px].
+            R: Rotation of the frame, shape (3, 3).
+            index: Index in the names of the axes.
+            size: Length of the axes [px].
+            names: False to leave out the names of the axes.
+        """
         for k, axis in enumerate("xyz"):
             step = size * _flat(R[:, k])
             if float(np.linalg.norm(step)) < 4.0:
@@ -73,7 +82,7 @@ class _Canvas:
 
 
 def _lowered(words: str) -> str:
-    """Text of a name in SVG, with its index lowered: `z_b`, and `d_0^1` with a raised one."""
+    """SVG text of a name with a subscript, such as `z_b`, or with subscript and superscript, such as `d_0^1`."""
     name, _, index = escape(words).partition("_")
     if not index:
         return name
@@ -85,12 +94,12 @@ def _lowered(words: str) -> str:
 
 
 def _flat(x: Array) -> Array:
-    """Projection of a vector (3,) to the picture, right and down."""
+    """Projects a vector (3,) to the picture; the result (2,) is to the right and downwards."""
     return VIEW @ x * np.array([1.0, -1.0])
 
 
 def _turn(angles: tuple[float, float, float]) -> Array:
-    """Rotation (3, 3) about z, then y, then x [rad]."""
+    """Rotation matrix (3, 3) of rotations about z, then y, then x by the given angles [rad]."""
     R = np.eye(3)
     for axis, angle in zip((2, 1, 0), angles, strict=True):
         one, other = [k for k in range(3) if k != axis]
@@ -102,7 +111,7 @@ def _turn(angles: tuple[float, float, float]) -> Array:
 
 
 def foundations() -> Drawings:
-    """Figures 2.1, 2.2 and 2.3 of the thesis."""
+    """Draws Figures 2.1, 2.2 and 2.3 of the thesis: orientation, translation, and an arm with two joints."""
     return Drawings(
         "Figures 2.1 to 2.3 of the thesis, drawn anew",
         (
@@ -147,7 +156,7 @@ def _translation() -> str:
 
 
 def _two_joints() -> str:
-    """Planar arm: axes x and y lie in the picture, z points to the viewer."""
+    """SVG of a planar arm with two joints: x and y are in the plane of the picture, z points to the viewer."""
     canvas = _Canvas(
         320.0, 230.0, "Arm with base, two revolute joints q1 and q2, and end effector, each with a frame"
     )
@@ -181,7 +190,7 @@ def _two_joints() -> str:
 
 
 def schematic() -> Drawings:
-    """Figure 3.1 of the thesis: the hanging arm at q = 0 with its frames, from Table 3.1."""
+    """Draws Figure 3.1 of the thesis: the hanging arm at q = 0 with the frames of Table 3.1."""
     thesis = published()
     R, p = make_frames(thesis).forward(np.zeros((1, len(thesis.frames))))
     scale, top, middle = 400.0, 60.0, 165.0

@@ -48,7 +48,7 @@ def show_kinematics(thesis: Thesis) -> Section:
 
 
 def _size(error: float) -> str:
-    """Text of a relative difference; the text says if the difference is only rounding."""
+    """Text of a relative difference; the text states if the difference is only a rounding error."""
     return short(error, 2) if error > ROUNDING else f"{short(error, 1)}, which is rounding,"
 
 
@@ -156,7 +156,10 @@ def _friction(thesis: Thesis) -> Figures:
 
 
 def show_base(thesis: Thesis) -> Section:
-    """Chapter on zero columns, equations (A.1), (3.33), (3.38) and (3.39), and Algorithm 1 of the thesis."""
+    """Chapter on the base parameters of the thesis: zero and dependent columns of the regressor, and Algorithm 1.
+
+    It contains equations (A.1), (3.33), (3.38) and (3.39).
+    """
     found = thesis.reduction
     names = [name for name in found.removed if name not in found.zero]
     return chapter(
@@ -183,7 +186,7 @@ def show_base(thesis: Thesis) -> Section:
 
 
 def _removed(found: Reduction) -> str:
-    """Sentence that compares the removed columns with (3.33) of the thesis."""
+    """Sentence that compares the removed columns of the regressor with equation (3.33) of the thesis."""
     printed = set(published().removed)
     odd = printed ^ set(found.removed)
     equal = "which equals (3.33)" if not odd else f"which differs from (3.33) in {_listed(sorted(odd))}"

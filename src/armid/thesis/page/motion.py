@@ -78,7 +78,7 @@ def show_excitation(thesis: Thesis) -> Section:
 
 
 def _stretched(thesis: Thesis) -> str:
-    """Text on why the arm of the thesis needed 27 s for a motion that was designed for 20 s."""
+    """Text on possible reasons why the arm of the thesis needed 27 s for a motion that was designed for 20 s."""
     found, fast = thesis.audit.conditions, thesis.designs.published[0]
     period, velocity, torque = found.period, 100.0 * found.velocity, 100.0 * found.torque
     runs = "keeps all limits" if fast.feasible else f"does not keep all limits ({', '.join(fast.doubts)})"
@@ -96,7 +96,7 @@ def _stretched(thesis: Thesis) -> str:
 
 
 def _other_families(thesis: Thesis) -> str:
-    """Text on other parameterisations of the trajectory."""
+    """Text that compares other parameterisations of the trajectory with the Fourier series."""
     rows = thesis.designs.families
     best, exact = min(rows, key=lambda row: row.condition), min(rows, key=lambda row: row.corrected)
     filter_first = min(row.printed for row in rows) > max(row.corrected for row in rows)
@@ -157,7 +157,10 @@ def _kept(thesis: Thesis) -> str:
 
 
 def _otherwise(thesis: Thesis) -> str:
-    """Text that names the best trajectory for filtered columns; empty if it is the trajectory that is kept."""
+    """Text that names the trajectory with the smallest torque error for filtered columns.
+
+    The text is empty if this trajectory is also the best one for Algorithm 3 as printed.
+    """
     better = min((each for each in thesis.designs.trials if each.feasible), key=lambda each: each.corrected.unseen)
     if better is thesis.designs.best:
         return ""

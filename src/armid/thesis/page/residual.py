@@ -1,4 +1,4 @@
-"""Chapter of the page on the residual of the thesis: its size, and what reproduces it."""
+"""Chapter of the page on the residual of the thesis: its size, and simulated causes that reproduce it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from armid.thesis.reproduction import Thesis
 
 
 def show_residual(thesis: Thesis) -> Section:
-    """Chapter on how large the residual of the thesis was, and which causes reproduce it."""
+    """Chapter on the size of the residual of the thesis, and on the simulated causes that reproduce it."""
     deviations, search = thesis.audit.deviations, thesis.steps.search
     rows = {row.key: row for row in search.rows}
     none = rows["none"]
@@ -98,7 +98,7 @@ def _causes(rows: tuple[Cause, ...], implied: tuple[float, float]) -> Table:
 
 
 def _verdict(thesis: Thesis) -> str:
-    """Conclusion of the search, from the table of candidates."""
+    """Text with the conclusion of the search for causes of the residual."""
     search, implied = thesis.steps.search, thesis.audit.deviations.implied[1:]
     found = {row.key: reproduced(row, (float(implied[0]), float(implied[1]))) for row in search.rows}
     rows = {row.key: row for row in search.rows}
@@ -141,7 +141,7 @@ def _verdict(thesis: Thesis) -> str:
 
 
 def ringing_text(thesis: Thesis) -> str:
-    """Text on oscillations between jumps in Figure 4.2, as printed and with filtered columns."""
+    """Text on oscillations between the jumps of friction in Figure 4.2, as printed and with filtered columns."""
     printed, corrected = thesis.results.printed_pictures, thesis.results.corrected_pictures
 
     def span(x: np.ndarray) -> str:

@@ -24,7 +24,7 @@ TELLING = ("MYR_2", "MYR_4", "MYR_5", "MYR_6", "XXR_2", "ZZR_2", "ZZR_1")
 
 
 def _extent(thesis: Thesis) -> str:
-    """Note on the page that the study is shortened; empty for the whole study."""
+    """Text that the study is shortened, with its extent; empty for the whole study."""
     had, whole = thesis.setting.extent, Extent()
     if had == whole:
         return ""
@@ -99,7 +99,10 @@ def _findings(thesis: Thesis) -> tuple[str, ...]:
 
 
 def _no_pose(thesis: Thesis) -> str:
-    """Result of the search for a pose in which the mass matrix of Table 4.1 is not positive definite."""
+    """Clause with the result of the search for a pose in which the mass matrix is not positive definite.
+
+    The mass matrix is that of Table 4.1 of the thesis.
+    """
     smallest = thesis.audit.base.pose.min_eigenvalue
     if smallest <= 0.0:
         return f"found one, with the eigenvalue {short(smallest)}&nbsp;kg·m²"
@@ -302,7 +305,7 @@ def _values(each: Erratum) -> tuple[TableCell, TableCell]:
 
 
 def _bounds() -> str:
-    """Bounds (3.52b) of this study."""
+    """Text with the bounds of this study for equation (3.52b): masses, centres of mass and moments of inertia."""
     used = replace(ThesisNLP(), **HOLDING)
     (light, heavy), (small, large) = used.mass, used.moment
     return f"{light:g} to {heavy:g}&nbsp;kg, ±&nbsp;{used.com:g}&nbsp;m, {small:g} to {large:g}&nbsp;kg·m²"

@@ -1,1 +1,1 @@
-"""Checks of the inertia that a description states for its bodies, against the shapes of these bodies."""
+"""Checks of the mass and inertia that a description states for its bodies, by comparison with the bodies' shapes."""

@@ -12,30 +12,33 @@ from armid.validation.inertial_checks.filled_shape import FilledShape
 from armid.validation.inertial_checks.measures import Measures, measures_of, second_moment
 
 MUCH = 2.0
-"""Smallest parallel-axis term, over the second moment of the filled hull along the line from the origin of the link
-to the centre of mass, that is looked for. Smaller terms cannot be told from uneven density. With larger ones, the
-moment about the centre of mass is almost always smaller than the term: so it was on 52 of 54 links of published
-arms."""
+"""Smallest parallel-axis term with which an inertia about the wrong point is reported. Unit: second moment of the
+filled hull along the line from the origin of the link to the centre of mass. Smaller terms cannot be distinguished
+from an uneven density. If the term is larger, the moment about the centre of mass is almost always smaller than the
+term: on 52 of 54 links of published arms."""
 
 LEFT = (0.02, 3.0)
-"""Range of the rest after the term is taken off, over the same moment; sound links have 0.04 to 2.6."""
+"""Smallest and largest second moment along the line after subtraction of the parallel-axis term, divided by that of
+the filled hull, with which the mistake is reported; correct links have 0.04 to 2.6."""
 
 ACROSS = (0.2, 4.0)
-"""Range of the second moment across the line, over that of the filled hull; sound links have 0.25 to 3.7."""
+"""Smallest and largest second moment perpendicular to the line, divided by that of the filled hull, with which the
+mistake is reported; correct links have 0.25 to 3.7."""
 
 ASIDE = 0.2
-"""Largest sine of the angle between the line and its image under the second moment: the term makes the line nearly a
-principal axis."""
+"""Largest deviation of the line from a principal axis of the second moment with which the mistake is reported: the
+part of S u perpendicular to u, divided by uᵀ S u, for the unit vector u of the line and the second moment S. A large
+parallel-axis term makes the line nearly a principal axis."""
 
 
 @dataclass(frozen=True, slots=True)
 class InertialMistake:
-    """Mistake that explains the numbers of a body.
+    """Mistake in a description that explains why the inertia of a body does not agree with its shapes.
 
     Attributes:
         code: Code of the finding.
-        words: What is wrong, as a clause.
-        remedy: What to change in the description.
+        words: Clause that describes the mistake.
+        remedy: Change of the description that corrects the mistake.
     """
 
     code: str
@@ -45,14 +48,14 @@ class InertialMistake:
 
 @dataclass(frozen=True, slots=True)
 class UnitMistake:
-    """Factors by which stated numbers are too large, and the length of the shapes.
+    """Mistake of units, as factors by which the numbers in a description are too large.
 
     Attributes:
         mass: Factor of the mass.
-        com: Factor of the centre of mass.
+        com: Factor of the coordinates of the centre of mass.
         inertia: Factor of the inertia.
         shapes: Factor of the lengths of the shapes.
-        cause: The mistake in words.
+        cause: Code, description and remedy of the mistake.
     """
 
     mass: float
@@ -84,18 +87,19 @@ UNIT_MISTAKES = (
     _unit(1e3, 1, 1e9, 1, "mass and inertia are in g and g·mm²", "divide them by 1000 and by 1e9"),
     _unit(1e3, 1e3, 1e9, 1, "mass, centre of mass and inertia are in g, mm, g·mm²", "divide by 1000, 1000 and 1e9"),
 )
-"""Mistakes of units, those with the fewest wrong numbers first."""
+"""Mistakes of units in descriptions, in the order in which they are tried."""
 
 USUAL = (40.0, 8000.0)
-"""Densities of the hull of bodies that agree with their shapes, after a unit is corrected [kg/m³]: 95 % of 731 bodies
-of published descriptions."""
+"""Smallest and largest ratio of the mass to the volume of the hull with which a body agrees with its shapes after a
+unit is corrected [kg/m³]; 95 % of 731 bodies of published descriptions are in this range."""
 
 ORDER = (0.15, 6.0)
-"""Ratios of inertia that count as agreeing after a unit is corrected."""
+"""Smallest and largest ratio of the trace of the inertia to that of the filled hull with which a body agrees with its
+shapes after a unit is corrected."""
 
 
 def unit_mistake(body: DescribedBody, shape: FilledShape) -> InertialMistake | None:
-    """Mistake of a unit after whose correction the body agrees with its shapes; `None` if there is none.
+    """Finds a mistake of a unit whose correction makes a body agree with its shapes; `None` if there is none.
 
     Args:
         body: A body that does not agree with its shapes.
@@ -115,7 +119,7 @@ def unit_mistake(body: DescribedBody, shape: FilledShape) -> InertialMistake | N
 
 
 def scaled(shape: FilledShape, factor: float) -> FilledShape:
-    """Hull with all lengths multiplied by a factor, about the origin of the body."""
+    """Hull of a body, scaled about the origin of the body's frame by a factor on all lengths."""
     if factor == 1.0:
         return shape
     planes = shape.planes * np.array([1.0, 1.0, 1.0, factor])
@@ -129,15 +133,15 @@ def scaled(shape: FilledShape, factor: float) -> FilledShape:
 
 
 def about_origin(body: DescribedBody, shape: FilledShape, measures: Measures) -> InertialMistake | None:
-    """Mistake that the inertia is about the origin of the link instead of the centre of mass; `None` if it is not.
+    """Tests whether the inertia of a body is about the origin of the link instead of the centre of mass.
 
     The parallel-axis term adds |com|² to the second moment along the line from origin to centre of mass, and nothing
-    across it.
+    to the second moment perpendicular to it. The result is `None` if the inertia does not have this form.
 
     Args:
         body: The body.
         shape: Hull of its shapes.
-        measures: Their comparison.
+        measures: Comparison of the body with the hull.
     """
     away = float(np.linalg.norm(body.com))
     if away == 0.0 or not measures.is_inside or not measures.is_dense_enough:
@@ -163,6 +167,6 @@ def about_origin(body: DescribedBody, shape: FilledShape, measures: Measures) ->
 
 
 def _possible(moment: Array) -> bool:
-    """True if a second moment (3, 3) is that of a body."""
+    """True if a body with the given second moment (3, 3) exists: no eigenvalue is negative except for rounding."""
     values = np.linalg.eigvalsh(moment)
     return bool(values[0] > -1e-3 * values[-1])

@@ -1,4 +1,4 @@
-"""Inertia that was not computed for a body: numbers of another body, and placeholders."""
+"""Search for inertias that were not computed for their body: copies of another body's numbers, and placeholders."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ from armid.robot.described_bodies.body import DescribedBody
 from armid.validation.inertial_checks.filled_shape import FilledShape
 
 DIFFERENT = 0.25
-"""Relative difference of a principal length or of the volume's cube root from which two shapes count as different.
-Left and right parts differ by less than 0.01, and sizes of one series of parts by 0.1."""
+"""Relative difference of two shapes above which they count as different. Compared are the roots of the principal
+second moments and the cube root of the volume. Left and right parts differ by less than 0.01, and sizes of one series
+of parts by 0.1."""
 
 ROUND_BODY = 1.5
-"""Ratio of the largest to the smallest principal moment of a filled shape up to which its inertia may be the same
-about all axes."""
+"""Largest ratio of the largest to the smallest principal moment of inertia of a filled shape with which the shape
+counts as round, so that equal moments about all axes are plausible."""
 
 NEAR = (1.0 / 3.0, 3.0)
-"""Ratios of inertia for which equal moments are taken as an approximation of a round body."""
+"""Smallest and largest ratio of the trace of the inertia to that of the filled hull with which equal moments about
+all axes are plausible for a round body."""
 
 
 def copied(bodies: Sequence[DescribedBody], shapes: Mapping[str, FilledShape]) -> list[tuple[DescribedBody, ...]]:
@@ -41,7 +43,7 @@ def copied(bodies: Sequence[DescribedBody], shapes: Mapping[str, FilledShape]) -
 
 
 def _differ(one: FilledShape, other: FilledShape) -> bool:
-    """True if two hulls have different sizes."""
+    """True if two hulls differ in size by more than the share `DIFFERENT`."""
     sizes = [
         np.append(np.sqrt(np.linalg.eigvalsh(each.second_moment)), each.volume ** (1.0 / 3.0))
         for each in (one, other)
@@ -55,7 +57,7 @@ def is_placeholder(body: DescribedBody, shape: FilledShape, ratio: float) -> boo
     Args:
         body: The body.
         shape: Hull of its shapes.
-        ratio: Trace of the inertia over that of the filled hull.
+        ratio: Trace of the inertia divided by that of the filled hull with the same mass.
     """
     if not body.inertia.any():
         return True
@@ -68,6 +70,11 @@ def is_placeholder(body: DescribedBody, shape: FilledShape, ratio: float) -> boo
 
 
 def _uneven(shape: FilledShape, ratio: float) -> bool:
-    """True if equal moments do not suit a filled shape."""
+    """True if equal moments of inertia about all axes are implausible for a filled shape.
+
+    Args:
+        shape: The shape.
+        ratio: Trace of the stated inertia divided by that of the filled shape with the same mass.
+    """
     moments = np.trace(shape.second_moment) - np.linalg.eigvalsh(shape.second_moment)
     return bool(moments.max() > ROUND_BODY * moments.min()) or not NEAR[0] <= ratio <= NEAR[1]

@@ -1,7 +1,7 @@
-"""Convex hull of a body's shapes, and the mass distribution of the hull when it is filled evenly.
+"""Convex hull of a body's shapes, and the mass distribution of the hull if its density is constant.
 
-Meshes of published descriptions are often open, or consist of parts that overlap or contain each other, so their own
-volume is not defined. The hull always is, and no matter inside the shapes is outside of it.
+Meshes of published descriptions are often open, or consist of parts that overlap or contain each other, so the volume
+of the meshes is not defined. The volume of the hull is always defined, and the hull contains all shapes.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from armid.robot.mjcf.mesh_reading import UncomputableError, read_mesh
 from armid.robot.shapes import Shape
 
 ROUND = 32
-"""Number of corners of the polygon that stands for a circle; its area is 0.6 % smaller than that of the circle."""
+"""Number of corners of the polygon that replaces a circle; its area is 0.6 % smaller than that of the circle."""
 
 DIRECT = (".stl", ".obj", ".msh")
-"""Suffixes of meshes that are read without Coal, which is slower."""
+"""Suffixes of mesh files that are read without the library Coal, which is slower."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -34,7 +34,8 @@ class FilledShape:
 
     Attributes:
         corners: Corners of the hull, shape (v, 3) [m].
-        planes: Unit normals and offsets of its faces, shape (f, 4); normal · p + offset is negative inside [m].
+        planes: Unit normals and offsets of the f faces, shape (f, 4); normal · p + offset [m] is negative for a point
+            p inside the hull.
         volume: Volume of the hull [m³].
         centroid: Centre of the volume, shape (3,) [m].
         second_moment: Mean of (p - centroid)(p - centroid)ᵀ over the volume, shape (3, 3) [m²].
@@ -53,7 +54,9 @@ class FilledShape:
 
 
 def filled_shape(body: DescribedBody) -> tuple[FilledShape | None, tuple[str, ...]]:
-    """Hull of all shapes of a body, and the files that cannot be read; `None` if no solid is left.
+    """Convex hull of all shapes of a body, and the mesh files that cannot be read.
+
+    The hull is `None` if no shape can be read, or if the shapes lie in a plane.
 
     Args:
         body: The body with its visual and collision shapes.
@@ -72,7 +75,9 @@ def filled_shape(body: DescribedBody) -> tuple[FilledShape | None, tuple[str, ..
 
 
 def corners_of(shape: Shape) -> Array:
-    """Points (v, 3) [m] in the frame of a shape whose hull is the shape, or its hull if it is a mesh.
+    """Points whose convex hull is the hull of a shape, in the frame of the shape, shape (v, 3) [m].
+
+    Circles are replaced by polygons.
 
     Raises:
         ArmidError: The file of a mesh cannot be read.
@@ -99,7 +104,7 @@ def corners_of(shape: Shape) -> Array:
 
 
 def _mesh_corners(shape: Shape) -> Array:
-    """Vertices of a mesh [m]; formats that MuJoCo reads are read directly, and all others by Coal."""
+    """Vertices of a mesh, shape (v, 3) [m]; formats in `DIRECT` are read directly, and all others by Coal."""
     suffix = Path(shape.path).suffix.lower()
     if suffix in DIRECT:
         try:
@@ -111,7 +116,7 @@ def _mesh_corners(shape: Shape) -> Array:
 
 
 def hull_of(points: Sequence[Array]) -> FilledShape | None:
-    """Convex hull of points (v, 3) [m] of several shapes, filled evenly; `None` if the points lie in a plane."""
+    """Convex hull of the points (v, 3) [m] of several shapes; `None` if all points lie in a plane."""
     try:
         hull = ConvexHull(np.unique(np.concatenate(points), axis=0))
     except (QhullError, ValueError):

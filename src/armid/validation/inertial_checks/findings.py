@@ -17,7 +17,8 @@ from armid.validation.inertial_checks.filled_shape import FilledShape, filled_sh
 from armid.validation.inertial_checks.measures import HEAVIEST, LARGEST, LIGHTEST, SMALLEST, Measures, measures_of
 
 ROUNDING = 1e-3
-"""Largest negative principal second moment, relative to the largest one, that printed digits can explain."""
+"""Largest absolute value of a negative principal second moment, divided by the largest one, that counts as a rounding
+error of printed digits."""
 
 NAMED = 6
 """Largest number of bodies that one finding lists."""
@@ -32,12 +33,12 @@ class InertialCheck:
     """Comparison of the stated inertia of the bodies of a description with their shapes.
 
     Attributes:
-        bodies: Number of bodies with a mass that the joints move.
+        bodies: Number of bodies that the joints move and that have a mass.
         measures: Comparison of each body that has readable shapes, by name.
         unread: Files of meshes that are missing or cannot be read, by the name of the body.
-        without_shapes: Names of bodies that have no solid shape.
-        named: Names of the bodies that a warning names.
-        findings: Findings.
+        without_shapes: Names of the bodies that have no solid shape.
+        named: Names of the bodies about which there is a warning.
+        findings: Findings about the bodies.
     """
 
     bodies: int
@@ -95,7 +96,16 @@ def check_bodies(bodies: Sequence[DescribedBody]) -> InertialCheck:
 def _body_findings(
     body: DescribedBody, shapes: Mapping[str, FilledShape], measures: Mapping[str, Measures]
 ) -> list[Finding]:
-    """Findings about one body: its tensor, then one cause that explains its numbers, else each number by itself."""
+    """Findings about one body.
+
+    An impossible inertia tensor is reported alone. Otherwise a cause that explains all numbers is reported. If there
+    is none, each number outside its bounds is reported.
+
+    Args:
+        body: The body.
+        shapes: Hulls of the shapes, by the name of the body.
+        measures: Comparison of the bodies with these hulls, by the name of the body.
+    """
     if (impossible := _impossible(body)) is not None:
         return [impossible]
     if body.name not in shapes:
@@ -113,7 +123,7 @@ def _body_findings(
 
 
 def _impossible(body: DescribedBody) -> Finding | None:
-    """Finding that no body has the inertia tensor; `None` if one has it."""
+    """Finding that no real body can have the mass and inertia tensor of a body; `None` if they are possible."""
     values = np.linalg.eigvalsh(0.5 * np.trace(body.inertia) * np.eye(3) - body.inertia)
     if body.mass > 0.0 and values[0] >= -ROUNDING * max(abs(values[-1]), np.finfo(float).tiny):
         return None
@@ -132,7 +142,7 @@ def _impossible(body: DescribedBody) -> Finding | None:
 
 
 def _state(own: Measures) -> str:
-    """Clause with the numbers of a body."""
+    """Clause of a finding with density, centre of mass and inertia of a body relative to its hull."""
     place = "inside its hull" if own.is_inside else f"{own.outside:.3g} m outside its hull"
     return (
         f"the mass fills the hull of its shapes with {own.density:.3g} kg/m³, the centre of mass lies {place}, and "
@@ -141,7 +151,13 @@ def _state(own: Measures) -> str:
 
 
 def _explained(body: DescribedBody, own: Measures, cause: InertialMistake) -> Finding:
-    """Finding with the cause of all numbers of a body."""
+    """Finding with the mistake that explains all numbers of a body.
+
+    Args:
+        body: The body.
+        own: Comparison of the body with its hull.
+        cause: The mistake.
+    """
     evidence = f"{cause.words[0].upper()}{cause.words[1:]}: {_state(own)}; {TORQUE}"
     return Finding(cause.code, "warning", body.name, evidence, f"{cause.remedy}.")
 
@@ -163,7 +179,13 @@ def _placeholder(body: DescribedBody, own: Measures) -> Finding:
 
 
 def _numbers(body: DescribedBody, own: Measures, *, inertia: bool) -> list[Finding]:
-    """Findings about each number of a body that is outside its bounds, without a cause."""
+    """Findings about each number of a body that is outside its bounds, if no mistake explains them.
+
+    Args:
+        body: The body.
+        own: Comparison of the body with its hull.
+        inertia: False to leave out findings about the inertia.
+    """
     found: list[tuple[str, str, str]] = []
     if not own.is_dense_enough:
         bound = f"more than {HEAVIEST:g}, as tungsten has" if own.density > HEAVIEST else f"less than {LIGHTEST:g}"
@@ -198,7 +220,12 @@ def _copy_finding(group: Sequence[DescribedBody]) -> Finding:
 
 
 def _not_examined(unread: Mapping[str, tuple[str, ...]], bare: Sequence[str]) -> list[Finding]:
-    """Finding that names the bodies that were not compared with shapes, and why."""
+    """Finding that names the bodies that were not compared with shapes, with the reason; empty if there are none.
+
+    Args:
+        unread: Files of meshes that cannot be read, by the name of the body.
+        bare: Names of bodies without solid shapes.
+    """
     parts: list[str] = []
     if unread:
         first = next(iter(unread.values()))[0]
@@ -231,7 +258,7 @@ def _no_rotors(robot: Robot) -> Finding:
 
 
 def check_record(check: InertialCheck) -> dict[str, object]:
-    """JSON object with the numbers of a comparison; the findings are not in it."""
+    """JSON object with the numbers of a comparison of bodies with their shapes, without the findings."""
     return {
         "bodies": check.bodies,
         "compared": {

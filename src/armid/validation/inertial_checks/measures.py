@@ -1,8 +1,8 @@
 """Numbers in which the stated inertia of a body is compared with the filled hull of its shapes, and their bounds.
 
 With the second moment S = ½ tr(I)·1 - I of a body of mass m, uᵀSu / m is the mean square distance of its mass from
-the centre of mass along a unit vector u. If all mass lies between two planes at distances a and b from the centre of
-mass, it is at most a·b [Bhatia2000].
+the centre of mass along a unit vector u. If all mass lies between two planes perpendicular to u, at distances a and b
+on both sides of the centre of mass, this mean is at most a·b [Bhatia2000].
 """
 
 from __future__ import annotations
@@ -16,26 +16,27 @@ from armid.robot.described_bodies.body import DescribedBody
 from armid.validation.inertial_checks.filled_shape import FilledShape
 
 LIGHTEST = 10.0
-"""Smallest mass over volume of the hull [kg/m³]. Expanded foams have 15 and more; of 731 different
-bodies of published descriptions, the lowest that was no placeholder has 14."""
+"""Smallest plausible ratio of the mass of a body to the volume of its hull [kg/m³]. Expanded foams have 15 and more;
+the smallest ratio that was no placeholder is 14 among 731 different bodies of published descriptions."""
 
 LARGEST = 1.3
-"""Largest `Measures.reach`. The excess over 1 is for shapes that leave out more than the margin; bodies of published
-descriptions have a median of 0.4."""
+"""Largest plausible value of `Measures.reach`. It is larger than 1, because parts outside the drawn shapes may extend
+beyond the margin; bodies of published descriptions have a median of 0.4."""
 
 HEAVIEST = 2e4
-"""Largest mass over volume of the hull [kg/m³]; tungsten and gold have 19 300, and a hull is never smaller than the
-shapes."""
+"""Largest plausible ratio of the mass of a body to the volume of its hull [kg/m³]. Tungsten and gold have 19 300, and
+a hull is never smaller than the shapes."""
 
 SMALLEST = 0.05
-"""Smallest ratio of the trace of the inertia to that of the filled hull with the same mass. A motor in the middle
-of a large cover gives 0.1; the lowest ratio in published descriptions that was no mistake is 0.09."""
+"""Smallest plausible ratio of the trace of the inertia to that of the filled hull with the same mass. A motor in the
+middle of a large cover gives 0.1; the smallest ratio in published descriptions that was no mistake is 0.09."""
 
 BEYOND = 0.05
-"""Share of the diagonal of the hull by which mass may lie outside of it, for parts that are not drawn."""
+"""Distance by which mass may lie outside the hull, divided by the diagonal of the box around the hull. It allows for
+parts that are not drawn."""
 
 APART = 0.005
-"""Length added to this share [m], which matters for bodies of a few centimetres."""
+"""Length that is added to the distance by `BEYOND` [m]; it is significant for bodies of a few centimetres."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -43,12 +44,14 @@ class Measures:
     """Comparison of a body with the filled hull of its shapes.
 
     Attributes:
-        density: Mass over volume of the hull [kg/m³].
-        outside: Distance of the centre of mass from the hull, by its planes [m]; negative inside.
-        margin: Distance up to which mass may lie outside the hull [m].
-        ratio: Trace of the inertia over that of the filled hull with the same mass.
-        reach: Largest ratio, over the principal axes of the hull, of the second moment of the body to the largest one
-            of a body inside the hull with the margin. Above 1 no such body exists.
+        density: Mass divided by the volume of the hull [kg/m³].
+        outside: Largest signed distance of the centre of mass from the planes of the hull's faces [m]; negative if
+            the centre of mass is inside the hull.
+        margin: Largest distance by which mass may lie outside the hull [m].
+        ratio: Trace of the inertia divided by that of the filled hull with the same mass.
+        reach: Second moment of the body along a principal axis of the hull, divided by the largest second moment that
+            a body inside the hull and margin can have along this axis; maximum over the three axes. If it is above 1,
+            no such body exists.
     """
 
     density: float
@@ -59,17 +62,17 @@ class Measures:
 
     @property
     def is_sound(self) -> bool:
-        """True if no number is outside its bounds."""
+        """True if density, centre of mass and inertia are all within their bounds."""
         return self.is_dense_enough and self.is_inside and self.ratio >= SMALLEST and self.reach <= LARGEST
 
     @property
     def is_dense_enough(self) -> bool:
-        """True if the density lies between the bounds."""
+        """True if the density lies between `LIGHTEST` and `HEAVIEST`."""
         return LIGHTEST <= self.density <= HEAVIEST
 
     @property
     def is_inside(self) -> bool:
-        """True if the centre of mass lies inside the hull with the margin."""
+        """True if the centre of mass lies inside the hull, or outside by at most the margin."""
         return self.outside <= self.margin
 
 
@@ -81,7 +84,8 @@ def second_moment(body: DescribedBody) -> Array:
 def measures_of(body: DescribedBody, shape: FilledShape) -> Measures:
     """Compares a body with the filled hull of its shapes.
 
-    Where the centre of mass is outside, the inertia is compared with that of a body around the centre of the hull.
+    If the centre of mass is outside the hull by more than the margin, the inertia is compared as if it were about the
+    centroid of the hull.
 
     Args:
         body: The body.

@@ -30,7 +30,7 @@ def effect_on_fit(
     inverse_with: Callable[[Array], Array],
     column_maps: Sequence[Array] | None,
 ) -> ErrorEffect:
-    """Computes the effect of systematic errors on a fit of b unknowns; without errors if none are possible.
+    """Computes the effect of systematic errors on a fit of b unknowns; the effect is empty if no error is possible.
 
     Args:
         problem: Problem with its samples, in c parameters.
@@ -38,7 +38,8 @@ def effect_on_fit(
         values: Parameters of each joint's torque, shape (n, c).
         prior: Precision of the prior, shape (b, b).
         inverse: Inverse of the weighted normal matrix with this prior, shape (b, b).
-        inverse_with: Function that gives the inverse of the weighted normal matrix with a precision (b, b).
+        inverse_with: Function that gives the inverse of the weighted normal matrix for another precision (b, b) of
+            the prior.
         column_maps: Matrices from b unknowns to the parameters of each joint's columns, shapes (c, b); if not given,
             the unknowns are the parameters.
     """

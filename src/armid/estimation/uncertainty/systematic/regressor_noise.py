@@ -33,23 +33,25 @@ MOST_ROWS = 2000
 """Largest number of rows of a run that are evaluated: the mean of the products is then known to a few percent."""
 
 MATTERS = 0.5
-"""Smallest largest bias of a parameter, in standard deviations by noise of the torque, from which it is reported. The
-whole bias may be three times as large, and one of 1.5 standard deviations lowers the coverage of an interval to 68 %.
-"""
+"""Smallest bias of the most affected parameter that is reported, in standard deviations by noise of the torque. The
+whole bias may be three times as large, and a bias of 1.5 standard deviations lowers the coverage of an interval to
+68 %."""
 
 SHARE = 2.0
-"""Number of times that the bias counts in one standard deviation: an interval then reaches four times as far, and the
-whole bias was up to three times as large."""
+"""Factor on the computed bias that gives one standard deviation. A 95 % interval then extends by four times the
+computed bias; the whole bias was up to three times as large as the computed one."""
 
 REACH = 20.0
-"""Length of the response of filter and differences [periods of the cut-off]."""
+"""Length of the computed impulse response of filter and difference quotients [periods of the cut-off frequency]."""
 
 SHORTEST = 8
-"""Smallest number of samples with which the response is computed."""
+"""Smallest number of samples of the computed impulse response."""
 
 
 def regressor_noise_bias(problem: EstimationProblem, values: Array, weights: Array, inverse: Array) -> Array:
     """Bias of the estimate by noise of the positions, times `SHARE`, shape (b,); zero if velocities were recorded.
+
+    The bias arises if accelerations are second differences of positions.
 
     Args:
         problem: Problem with its samples.
@@ -83,7 +85,7 @@ def regressor_noise_bias(problem: EstimationProblem, values: Array, weights: Arr
 
 
 def _acceleration_gain(run: ObservedRun, band: Band) -> float:
-    """Standard deviation of the noise of an acceleration in the band per unit of white noise of the positions [1/s²].
+    """Ratio of the noise of an acceleration in the band to white noise of the positions, standard deviations [1/s²].
 
     Positions are filtered before they are differentiated, and columns once more.
     """
@@ -95,7 +97,7 @@ def _acceleration_gain(run: ObservedRun, band: Band) -> float:
 
 
 def noise_finding(bias: Array, scatter: Array, names: tuple[str, ...]) -> list[Finding]:
-    """Finding about a bias by noise of the positions that is above the noise of the estimate; otherwise empty.
+    """Finding about a bias by noise of the positions; empty if the bias is below `MATTERS` standard deviations.
 
     Args:
         bias: Bias of the b parameters, times `SHARE`, shape (b,).

@@ -1,4 +1,4 @@
-"""Search for torques that are periodic in a joint's angle, in the residuals of an estimate.
+"""Search for torque ripple: parts of the residuals of an estimate that are periodic in a joint's angle.
 
 Gears, motors and torque sensors cause such ripple. Where a joint is slow, the ripple passes the filter, and it has
 the same sign at the same angle, so it shifts parameters by more than noise of the same size does. For each joint and
@@ -33,43 +33,46 @@ from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 
 LOWEST, HIGHEST = 2.0, 250.0
-"""Numbers of waves in a turn that are tried. One wave is gravity; more than 250 pass the filter only next to
-reversals, whose effect is estimated separately. In the residuals of recorded arms, 4, 8 and 221 waves were found."""
+"""Smallest and largest number of waves in a turn that are tried. One wave is gravity. More than 250 waves pass the
+filter only next to reversals, whose effect is estimated separately. In the residuals of recorded arms, ripple had 4,
+8 and 221 waves."""
 
 LARGEST_RANGE, HALF_WAVE = 6.0 * np.pi, 0.5
-"""Range of positions up to which all numbers of waves are tried that it tells apart [rad], and distance of the
-numbers that are tried beyond. The work grows with their number: a joint that has turned a hundred times would need
-minutes."""
+"""Largest range of positions [rad] for which the tried numbers of waves are as close as the range can resolve, and
+distance between the tried numbers for larger ranges. The computing time grows with their number: a joint with a range
+of a hundred turns would need minutes."""
 
 TURNS = 1.5
 """Smallest number of waves within the range of the joint; fewer waves do not show that the torque repeats."""
 
 STEP = 1.5
-"""Step between numbers of waves that are tried, times the range of the joint [rad]: the phase of a wave halfway
-between is then wrong by at most 0.4 rad at the ends of the range."""
+"""Step between numbers of waves that are tried, times the range of the joint [rad]. For a number of waves halfway
+between two tried numbers, the phase is then wrong by at most 0.4 rad at the ends of the range."""
 
 FINER = 8
-"""Number of steps into which the step next to the best number of waves is divided."""
+"""Number of finer steps into which a step is divided near the best number of waves."""
 
 LEVEL = 1e-3
-"""Probability that noise alone gives a joint a wave, over all numbers of waves that are tried."""
+"""Significance level: probability that noise alone gives a ripple on a joint, over all numbers of waves that are
+tried."""
 
 MOST_WAVES = 3
-"""Largest number of waves for a joint: usual gears have two orders that matter."""
+"""Largest number of ripples of a joint with different numbers of waves: usual gears have two significant orders."""
 
 FEWEST_PARTS = 8
-"""Smallest number of parts of the time in which a wave must be seen."""
+"""Smallest number of parts of the time that must contain information about a ripple."""
 
 SHARE = 0.1
-"""Smallest mean squared gain of the filter for a wave. What passes only next to reversals looks like friction there,
-whose effect is estimated separately."""
+"""Smallest mean squared gain of the filter for a number of waves. A ripple that passes the filter only next to
+reversals resembles friction at reversals, whose effect is estimated separately."""
 
 APART = 2.0
-"""Smallest distance between two numbers of waves of a joint, in the steps that are tried: the data do not tell waves
-apart that are closer."""
+"""Smallest distance between the numbers of waves of two ripples of a joint, in units of the step between tried
+numbers. The data do not distinguish ripples that are closer."""
 
 SEEN = 0.01
-"""Smallest information of a part about a wave, relative to the largest, with which the part counts."""
+"""Smallest information of a part of the time about a ripple, relative to that of the part with the most information,
+with which the part is used."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -79,8 +82,8 @@ class _Residual:
     Attributes:
         q, dq: Positions [rad] and velocities [rad/s], shape (M,).
         torque: Residuals, shape (M,) [N·m].
-        part: First row of each part of the time, shape (P,).
-        band: Filter of the rows.
+        part: Index of the first row of each of the P parts of the time, shape (P,).
+        band: Low-pass filter of the rows.
     """
 
     q: Array
@@ -90,7 +93,7 @@ class _Residual:
     band: Band
 
     def gain(self, waves: float) -> Array:
-        """Gain of the filter at the momentary frequency of a number of waves, shape (M,)."""
+        """Gain of the filter at the momentary frequency of a ripple with `waves` waves in a turn, shape (M,)."""
         if self.band.is_open:
             return np.ones(len(self.q))
         squared = (waves / (2.0 * np.pi * self.band.cutoff) * self.dq) ** 2
@@ -100,9 +103,11 @@ class _Residual:
         return np.asarray(1.0 / (1.0 + power), dtype=np.float64)
 
     def test(self, waves: Array) -> tuple[Array, Array]:
-        """Logarithm of the probability that noise explains as much, and complex amplitude, shapes (waves,).
+        """Tests the residual for ripples with given numbers of waves, which must be equally spaced.
 
-        The numbers of waves must be equally spaced.
+        Returns:
+            For each number of waves, the logarithm of the probability that noise alone gives so large an amplitude,
+            shape (waves,), and the complex amplitude [N·m], shape (waves,).
         """
         z = np.empty((len(waves), len(self.part)), dtype=np.complex128)
         n = np.empty(z.shape)
@@ -122,13 +127,13 @@ class _Residual:
         return np.where(count >= FEWEST_PARTS, log_p, 0.0), 2.0 * a
 
     def without(self, waves: float, amplitude: complex) -> _Residual:
-        """The residual without a wave."""
+        """Residual from which the ripple with a given number of waves and complex amplitude [N·m] is subtracted."""
         wave = np.real(amplitude * np.exp(1j * waves * self.q)) * self.gain(waves)
         return _Residual(self.q, self.dq, self.torque - wave, self.part, self.band)
 
 
 def ripple_kinds(problem: EstimationProblem, values: Array, weights: Array, largest: float) -> tuple[ErrorKind, ...]:
-    """Ripple of each joint that the residuals show, two errors (sine and cosine) for each number of waves.
+    """Ripple of each joint that is significant in the residuals: two errors (sine and cosine) per number of waves.
 
     Args:
         problem: Problem with its samples, in c parameters.
@@ -147,7 +152,7 @@ def ripple_kinds(problem: EstimationProblem, values: Array, weights: Array, larg
 
 
 def _waves(residual: _Residual) -> list[tuple[float, float]]:
-    """Numbers of waves of one joint and their amplitudes [N·m], the most significant first."""
+    """Numbers of waves in a turn and amplitudes [N·m] of the ripples of one joint, the most significant first."""
     extent = float(np.ptp(residual.q))
     lowest = max(LOWEST, 2.0 * np.pi * TURNS / max(extent, np.finfo(float).tiny))
     if lowest >= HIGHEST:
@@ -173,14 +178,15 @@ def _waves(residual: _Residual) -> list[tuple[float, float]]:
 
 
 def _equally_spaced(waves: Array, step: float) -> list[Array]:
-    """Parts of numbers of waves between gaps."""
+    """Splits numbers of waves at gaps larger than `step` into arrays with equal spacing."""
     return np.split(waves, np.flatnonzero(np.diff(waves) > 1.5 * step) + 1)
 
 
 def _part_of_motion(run: ObservedRun, seconds: float) -> NDArray[np.int64]:
-    """Number of the part of time of each row; where the motion repeats, of the part of its period, shape (M,).
+    """Index of the part of the time to which each row belongs, shape (M,).
 
-    Errors of the model repeat with the motion, so periods are not independent.
+    If the motion repeats, a part contains the rows at the same place in all periods, because errors of the model
+    repeat with the motion, so that periods are not independent.
     """
     part, periods = parts_of_rows(run, seconds), find_periods(run)
     if periods is None:
@@ -191,7 +197,14 @@ def _part_of_motion(run: ObservedRun, seconds: float) -> NDArray[np.int64]:
 
 
 def _residuals(problem: EstimationProblem, values: Array, weights: Array, largest: float) -> list[_Residual]:
-    """Residuals of each joint in all runs."""
+    """Residuals of each joint in the rows of all runs, one element per joint.
+
+    Args:
+        problem: Problem with its samples, in c parameters.
+        values: Parameters of each joint's torque, shape (n, c).
+        weights: Weight of each joint's rows, shape (n,).
+        largest: Largest weighted residual of a row that is used; infinite for all rows.
+    """
     model, base, observations = problem.require_samples("cover")
     source, band = column_source(model, base), observations.band
     seconds = part_seconds(observations.runs)

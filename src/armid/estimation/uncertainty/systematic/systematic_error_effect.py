@@ -1,14 +1,14 @@
 """Effect of systematic errors on an estimate: covariance, shift, and findings about errors that matter.
 
-What is known about m errors e before the data are seen is their standard deviation. The residuals give a second
-source: with S and F the sensitivity of the estimate and the information of the residuals about e
-(`armid.estimation.uncertainty.systematic.systematic_errors`), the errors have the mean ê and the covariance C. The
-estimate is not corrected, so its error is S e; the intervals contain
+The prior of m errors e is known by their standard deviations. The residuals are a second source. Let S be the
+sensitivity of the estimate to e, and F the information of the residuals about e
+(`armid.estimation.uncertainty.systematic.systematic_errors`). Both sources together give the errors with the mean ê
+and the covariance C. The estimate is not corrected, so its error is S e; the covariance of the estimate contains
 
     S C Sᵀ + ρ² (S ê)(S ê)ᵀ.
 
-The second part keeps the sign: a delay of all joints shifts the estimate along one direction, and not along one
-direction for each joint. Where the data say that there is no error, both parts vanish.
+with ρ = `SHARE`. The second part contains the signs of the errors: a delay of all joints shifts the estimate along
+one direction, and not along one direction for each joint. If the data show that there is no error, both parts vanish.
 """
 
 from __future__ import annotations
@@ -26,13 +26,14 @@ from armid.remedy import Remedy, setting
 from armid.robot import Robot
 
 SHARE = 0.75
-"""Share of the shift that counts as one standard deviation. A 95 % interval then reaches 1.5 times as far as the
-shift where this is far above the noise. With 0.65, an interval whose shift is 1.5 standard deviations of the noise
-would hold 89 %, with 0.75 it holds 93 %."""
+"""Share ρ of the shift by systematic errors that counts as one standard deviation. If the shift is far above the
+noise, a 95 % interval then extends by 1.5 times the shift. If the shift is 1.5 standard deviations of the noise, the
+coverage is 93 %; with a share of 0.65 it would be 89 %."""
 
 STEPS = 3
-"""Number of passes in which the errors and the correlation of what they leave are estimated in turn: the first pass
-takes an error for noise that is correlated, and later ones change standard deviations by less than a tenth."""
+"""Number of passes. Each pass estimates first the correlation of the residuals without the errors found so far, then
+the errors. The first pass counts the errors as correlated noise; passes after the third would change standard
+deviations by less than a tenth."""
 
 FEWEST_PARTS = 4
 """Smallest number of parts of the recordings from which the correlation of the residuals is estimated."""
@@ -40,14 +41,14 @@ FEWEST_PARTS = 4
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ErrorEffect:
-    """Systematic errors as data and expectation give them, and their effect on the estimate of b unknowns.
+    """Systematic errors, estimated from the residuals and their prior, and their effect on an estimate of b unknowns.
 
     Attributes:
         kinds: The m errors.
-        values: Expected values of the errors, shape (m,).
-        deviations: Standard deviations of the errors, shape (m,).
+        values: Expected values of the errors, shape (m,), in the unit of each error [s, rad or m, N·m or N].
+        deviations: Standard deviations of the errors, shape (m,), in the same units.
         sensitivity: Change of the estimate by one unit of each error, shape (b, m).
-        covariance: Covariance of the estimate by the errors, shape (b, b).
+        covariance: Covariance of the estimate that the errors cause, shape (b, b).
         attenuation: Shift of the estimate by noise in the regressor that counts as one standard deviation, shape
             (b,).
     """
@@ -69,7 +70,7 @@ def effect_of_errors(
         products: Products of the columns of the errors with rows and residuals.
         inverse: Inverse of the weighted normal matrix, prior included, shape (b, b).
         prior: Precision of the prior, shape (b, b).
-        further: Further shift of the estimate, shape (b,).
+        further: Shift of the estimate by another cause, which is added to the shift by the errors, shape (b,).
     """
     size = np.array([kind.deviation for kind in products.kinds])
     pulls, scores = products.pulls * size, products.scores * size
@@ -119,11 +120,17 @@ class ConeEffect:
 
 
 def effect_with_cone(effect: ErrorEffect, products: ErrorProducts, cone: ConeEffect) -> ErrorEffect:
-    """Effect of systematic errors on an estimate that the cone holds.
+    """Effect of systematic errors on an estimate that the cone of consistent bodies restricts.
 
-    If noise explains the shift by the cone, the cone holds the estimate against errors, too, as a prior does. If the
-    cone contradicts the data, errors have moved these out of it: the estimate is then wrong by the shift of the
-    estimate without the cone and by the shift by the cone.
+    If noise explains the shift by the cone, the cone also reduces the effect of systematic errors, as a prior does.
+    If the cone contradicts the data, systematic errors are the cause: the error of the estimate is then the effect of
+    the errors on the estimate without the cone plus the shift by the cone. Between these cases, the two covariances
+    are averaged with the weight `contradicted`.
+
+    Args:
+        effect: Effect on the estimate with prior and cone.
+        products: Products of the columns of the errors with rows and residuals.
+        cone: Effect of the cone on the estimate.
     """
     share = cone.contradicted
     if share == 0.0:
@@ -136,7 +143,8 @@ def _correlation(scores: Array, information: Array) -> Array:
     """Number of rows that count as one independent row for each error, at least 1, shape (m,).
 
     Args:
-        scores: Scores of the errors without what the parameters explain, part by part, shape (parts, m).
+        scores: Products of the errors' columns with the residuals in each part of the time, without the effect of the
+            parameters, shape (parts, m).
         information: Information of independent rows about each error, shape (m,).
     """
     used = np.any(scores != 0.0, axis=1)
@@ -147,7 +155,7 @@ def _correlation(scores: Array, information: Array) -> Array:
 
 
 def error_findings(effect: ErrorEffect, scatter: Array, names: tuple[str, ...], robot: Robot) -> list[Finding]:
-    """Findings about systematic errors that are significant and shift the estimate by more than its noise.
+    """Findings about systematic errors that are significant and shift a parameter by more than its noise.
 
     Args:
         effect: The errors and their effect.
@@ -178,7 +186,7 @@ def error_findings(effect: ErrorEffect, scatter: Array, names: tuple[str, ...], 
 
 
 def _with_term(kinds: list[ErrorKind], robot: Robot) -> Remedy:
-    """Remedy that adds ripple to the model; numbers of waves are rounded to halves."""
+    """Remedy of a finding: add ripple with the found numbers of waves, rounded to halves, to the model."""
     harmonics = sorted({round(2.0 * kind.waves) / 2.0 for kind in kinds})
     joints = [robot.joints[j].name for j in sorted({kind.joint for kind in kinds})]
     return Remedy(
@@ -188,7 +196,7 @@ def _with_term(kinds: list[ErrorKind], robot: Robot) -> Remedy:
 
 
 def _groups(effect: ErrorEffect, name: str) -> list[list[int]]:
-    """Indices of the errors of a kind; sine and cosine of a ripple belong together."""
+    """Indices of the errors with a given name, in groups: sine and cosine of a ripple form one group."""
     groups: dict[tuple[int, float], list[int]] = {}
     for k, kind in enumerate(effect.kinds):
         if kind.name == name:
@@ -197,12 +205,17 @@ def _groups(effect: ErrorEffect, name: str) -> list[list[int]]:
 
 
 def _size(effect: ErrorEffect, own: list[int]) -> tuple[float, float]:
-    """Size of an error and its standard deviation; for a ripple, the amplitude."""
+    """Absolute value of an error and its standard deviation; for a ripple, its amplitude.
+
+    Args:
+        effect: The errors and their effect.
+        own: Indices of the error: one, or two for the sine and cosine of a ripple.
+    """
     return float(np.linalg.norm(effect.values[own])), float(np.sqrt(np.mean(effect.deviations[own] ** 2)))
 
 
 def _stated(effect: ErrorEffect, own: list[int], robot: Robot) -> str:
-    """Name of the joint, value of the error, standard deviation and unit."""
+    """Text with the name of the joint, the value of the error, its standard deviation and the unit."""
     kind, (size, deviation) = effect.kinds[own[0]], _size(effect, own)
     joint = robot.joints[kind.joint]
     if kind.name == "ripple":
@@ -213,7 +226,7 @@ def _stated(effect: ErrorEffect, own: list[int], robot: Robot) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Message:
-    """Texts about one kind of error."""
+    """Texts of a finding about one kind of systematic error: code, evidence and remedy."""
 
     code: str
     found: str
@@ -221,12 +234,12 @@ class _Message:
 
 
 SURE = 5.0
-"""Number of standard deviations by which an error must differ from zero to be reported. With three errors a joint,
-chance causes less than one report in 700 recordings of an arm with seven joints."""
+"""Number of standard deviations by which an error must differ from zero to be reported. With three errors for each
+joint, chance causes less than one report in 700 recordings of an arm with seven joints."""
 
 MATTERS = 1.0
-"""Smallest largest shift of a parameter, in standard deviations by noise, from which errors are reported. A shift of
-one standard deviation lowers the coverage of a 95 % interval to 83 %."""
+"""Smallest shift of the most affected parameter with which errors are reported, in standard deviations by noise. A
+shift of one standard deviation lowers the coverage of a 95 % interval to 83 %."""
 
 MESSAGES = {
     "delay": _Message(
@@ -248,4 +261,4 @@ MESSAGES = {
     ),
     "ripple": _Message("torque-ripple", "The residuals repeat with the angle of joints, with these amplitudes:", ""),
 }
-"""Texts about each kind of error."""
+"""Texts of the findings about each kind of systematic error, by the name of the kind."""

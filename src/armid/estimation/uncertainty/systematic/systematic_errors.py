@@ -10,8 +10,8 @@ ripple. To first order, each of them adds a column to the torque of the model:
 - ripple with k waves in a turn adds sin(k q_j) and cos(k q_j) to the torque of joint j.
 
 With the weighted columns V of m such errors, the weighted rows X and the normal matrix H, an error e changes the
-estimate by S e with S = H⁻¹XᵀV. The residual r tells about e as much as VᵀV - VᵀX H⁻¹XᵀV, since the parameters take
-their part of any error. All of this needs one pass over the samples.
+estimate by S e with S = H⁻¹XᵀV. The residuals contain the information VᵀV - VᵀX H⁻¹XᵀV about e; the second term is
+lost, because the parameters explain a part of any error. All products are computed in one pass over the samples.
 """
 
 from __future__ import annotations
@@ -43,25 +43,27 @@ CHUNK = 8192
 """Number of samples whose columns are in memory at a time."""
 
 SAMPLES_OF_DELAY = 0.5
-"""Standard deviation of the delay of a joint's torque before the data are seen [samples]. Which sample of the motion
-a torque belongs to is known to one sample at best; filters of drives add as much."""
+"""Prior standard deviation of the delay of a joint's torque [samples]. The assignment of torques to samples of the
+motion is known to one sample at best; filters of drives add a delay of the same size."""
 
 RISE_DEVIATION = 0.1
-"""Standard deviation of the rise of friction near rest before the data are seen, divided by Coulomb friction."""
+"""Prior standard deviation of the rise of friction near rest, divided by the Coulomb friction."""
 
 RISE_SHARE = 0.15
-"""Speed at which the rise of friction near rest has faded, divided by the RMS speed of the joint."""
+"""Speed v of the law sign(q̇) exp(-(q̇ / v)²) by which friction rises near rest, divided by the RMS speed of the
+joint."""
 
 OUTLIER = 3.0
-"""Largest residual, in standard deviations, of a row from which systematic errors are estimated beside a robust
-method."""
+"""Largest residual, in standard deviations, of the rows from which systematic errors are estimated if the estimator
+is robust."""
 
 MOST_PARTS = 60
-"""Largest number of parts of time, beside one for each run. In longer recordings the parts are longer, so that memory
-does not grow."""
+"""Largest number of parts of the time, in addition to one part for each run. In long recordings the parts are longer,
+so that the needed memory does not grow."""
 
 PART_SECONDS = 1.0
-"""Length of the parts of a run whose scores are taken as independent [s]: the length of the blocks of the rows."""
+"""Smallest length of the parts into which the time of a run is divided [s]; blocks of rows have the same length. The
+noise in different parts counts as independent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +73,7 @@ class ErrorKind:
     Attributes:
         name: `delay`, `zero`, `rise` or `ripple`.
         joint: Index of the joint.
-        deviation: Standard deviation of the error before the data are seen [s, rad or m, N·m or N].
+        deviation: Prior standard deviation of the error [s, rad or m, N·m or N].
         waves: Number of waves in a turn, for ripple.
         phase: Phase of the wave at position zero, for ripple [rad].
     """
@@ -87,13 +89,15 @@ class ErrorKind:
 class ErrorProducts:
     """Products of the columns of m systematic errors with the rows of an estimate of b unknowns, in P parts of time.
 
+    X are the weighted rows, and V the weighted columns of the errors.
+
     Attributes:
         kinds: The m errors.
-        rows: Products XᵀX of the weighted rows, shape (P, b, b).
-        pulls: Products XᵀV of the weighted rows with the weighted columns of the errors, shape (P, b, m).
+        rows: Products XᵀX, shape (P, b, b).
+        pulls: Products XᵀV, shape (P, b, m).
         normals: Products VᵀV, shape (P, m, m).
-        row_scores: Products of the rows with the residuals, shape (P, b).
-        scores: Products of the columns of the errors with the residuals, shape (P, m).
+        row_scores: Products Xᵀr with the weighted residuals r, shape (P, b).
+        scores: Products Vᵀr, shape (P, m).
     """
 
     kinds: tuple[ErrorKind, ...]
@@ -171,18 +175,35 @@ def error_products(
 
 
 def part_seconds(runs: Sequence[ObservedRun]) -> float:
-    """Length of the parts of time of some runs [s]."""
+    """Length of the parts into which the time of runs is divided [s]."""
     return max(PART_SECONDS, sum(run.motion.samples / run.rate for run in runs) / MOST_PARTS)
 
 
 def parts_of_rows(run: ObservedRun, seconds: float) -> NDArray[np.int64]:
-    """Number of the part of time of each of the M rows of a run, for parts of a given length, shape (M,)."""
+    """Index of the part of the time to which each of the M rows of a run belongs, shape (M,).
+
+    Args:
+        run: The run.
+        seconds: Length of a part [s].
+    """
     return np.asarray(np.arange(len(run.rows)) * run.step // max(round(seconds * run.rate), 1), dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Columns:
-    """Columns of a run together with those of the errors; the symbols are those of `error_products`."""
+    """Regressor columns of a run, with the columns of the systematic errors appended.
+
+    Attributes:
+        source: Layout of the columns.
+        run: The run.
+        parameters: Indices of the parameters of each joint's columns.
+        values: Parameters of each joint's torque, shape (n, c).
+        weights: Weight of each joint's rows, shape (n,).
+        errors: Change of each joint's torque by one unit of each error, shape (M, n, m).
+        column_maps: Matrices from b unknowns to the parameters of each joint's columns, shapes (c, b); `None` if the
+            unknowns are the parameters.
+        largest: Largest weighted residual of a row that is used.
+    """
 
     source: ColumnSource
     run: ObservedRun
@@ -194,7 +215,16 @@ class _Columns:
     largest: float
 
     def weighted(self, j: int, x: Array, own: slice) -> tuple[NDArray[np.int64], Array, Array]:
-        """Indices (k,), columns (k, M) and residuals (M,) of joint j in some of the M rows that are used."""
+        """Weighted columns and residuals of joint j in the rows of a part of the run that are used.
+
+        Args:
+            j: Index of the joint.
+            x: Columns of all joints with their torques in these rows.
+            own: Rows of the run.
+
+        Returns:
+            Indices of the unknowns and errors, shape (k,), their columns, shape (k, M), and residuals, shape (M,).
+        """
         first, last = self.source.layout.offset[j : j + 2]
         used, at = self.run.mask[own, j], self.parameters[j]
         block = self.weights[j] * x[first:last][:, used]
@@ -210,7 +240,15 @@ class _Columns:
 
 
 def _add_products(sums: Array, part: NDArray[np.int64], begin: int, x: Array, columns: _Columns) -> None:
-    """Adds the products of a batch of rows x, which begins with row `begin`, to those of their parts of time."""
+    """Adds the products of a batch of rows to the sums of the parts of the time to which the rows belong.
+
+    Args:
+        sums: Sums of products for each part of the time, which are changed in place.
+        part: Index of the part to which each row of the run belongs, shape (M,).
+        begin: Index of the first row of the batch.
+        x: Columns of all joints with their torques in the batch.
+        columns: Columns of the run and of the errors.
+    """
     end = begin + x.shape[1]
     for p in np.unique(part[begin:end]):
         first, last = np.searchsorted(part, [p, p + 1])
@@ -229,7 +267,16 @@ def _error_columns(
     parameters: Sequence[NDArray[np.int64]],
     values: Array,
 ) -> Array:
-    """Change of each joint's torque by one unit of each error, on the output grid, shape (M, n, m)."""
+    """Change of each joint's torque by one unit of each of m errors, on the output grid, shape (M, n, m).
+
+    Args:
+        source: Layout of the columns.
+        run: The run.
+        band: Low-pass filter of the columns.
+        kinds: The m errors.
+        parameters: Indices of the parameters of each joint's columns.
+        values: Parameters of each joint's torque, shape (n, c).
+    """
     M, n = run.mask.shape
     result = np.zeros((M, n, len(kinds)))
     names = {kind.name for kind in kinds}
@@ -249,7 +296,7 @@ def _error_columns(
 
 
 def _filtered(x: Array, run: ObservedRun, band: Band) -> Array:
-    """Signals (N, n) of a run on the output grid, in the band of the columns, shape (M, n)."""
+    """Filters signals (N, n) of a run like the columns, and takes the samples on the output grid, shape (M, n)."""
     filtered = in_band(x, run.rate, band) if run.consecutive and band.columns else x
     return np.asarray(filtered[run.rows], dtype=np.float64)
 
@@ -263,7 +310,7 @@ def _slope(source: ColumnSource, run: ObservedRun, parameters: Sequence[NDArray[
 
 
 def _rise(motion: Motion) -> Array:
-    """Friction of one unit at rest that fades with the speed of each joint, shape (N, n)."""
+    """Friction law sign(q̇) exp(-(q̇ / v)²) of each joint along a motion, with size one near rest, shape (N, n)."""
     usual = np.sqrt(np.mean(motion.dq**2, axis=0))
     fade = RISE_SHARE * np.where(usual > 0.0, usual, 1.0)
     return np.sign(motion.dq) * np.exp(-((motion.dq / fade) ** 2))
@@ -272,9 +319,10 @@ def _rise(motion: Motion) -> Array:
 def _by_position(
     source: ColumnSource, motion: Motion, joint: int, parameters: Sequence[NDArray[np.int64]], values: Array
 ) -> Array:
-    """Change of all joints' torques that the model explains wrongly per unit of a zero error, shape (M, n).
+    """Error of all joints' torques per unit of the zero error of a joint, shape (M, n).
 
-    Logged positions that are too large by e give the model's torque at q + e, while the measured one is that at q.
+    It is measured minus predicted torque, divided by the zero error e: if logged positions are too large by e, the
+    model predicts the torque at q + e, and the measured torque belongs to q.
     """
     result: list[Array] = []
     for part in _chunks(motion):
@@ -284,7 +332,7 @@ def _by_position(
 
 
 def _moved(motion: Motion, joint: int, step: float) -> Motion:
-    """Motion with other positions of one joint; hysteresis states stay as they are."""
+    """Motion in which `step` is added to the positions of one joint; the hysteresis states stay the same."""
     q = np.array(motion.q)
     q[:, joint] += step
     return replace(motion, q=q)
@@ -297,7 +345,7 @@ def _chunks(motion: Motion) -> Iterator[Motion]:
 
 
 def _torque(source: ColumnSource, motion: Motion, parameters: Sequence[NDArray[np.int64]], values: Array) -> Array:
-    """Torque of the model with each joint's own parameters, shape (N, n)."""
+    """Torque of the model along a motion, with separate parameters for each joint, shape (N, n) [N·m or N]."""
     zero = np.zeros_like(motion.q)
     terms = source.term_rows(motion)
     q, dq, ddq = (np.ascontiguousarray(each) for each in (motion.q, motion.dq, motion.ddq))
