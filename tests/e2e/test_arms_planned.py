@@ -27,6 +27,7 @@ def arms():
         sys.path.remove(str(BENCHMARKS))
 
 
+@pytest.mark.collision
 @pytest.mark.parametrize("free", [False, True])
 def test_a_scara_above_its_floor(arms, free):
     entry = next(entry for entry in arms.entries() if entry.name == "scara")
@@ -35,6 +36,7 @@ def test_a_scara_above_its_floor(arms, free):
     assert row.gain > WORTH
 
 
+@pytest.mark.collision
 def test_the_other_program_sees_what_is_wrong(arms, tmp_path):
     """A plan through the floor and beyond limits is found out."""
     entry = next(entry for entry in arms.entries() if entry.name == "scara")

@@ -106,6 +106,7 @@ def test_no_caption_fact_or_command_is_cut_off(width: int, report: Path, chromiu
     assert_quiet(tab, report)
 
 
+@pytest.mark.collision
 @LOOKS
 @pytest.mark.parametrize("page", ["report", "preflight"])
 def test_every_plot_is_drawn(
@@ -213,6 +214,7 @@ def test_tables_are_copied(report: Path, chromium: Browser):
     assert_quiet(tab, report)
 
 
+@pytest.mark.collision
 def test_the_plans_own_preview_moves(flight: Path, chromium: Browser):
     tab = chromium.open(flight / "preview.html", mark="still")
     tab.wait("document.documentElement.dataset.drawn")
@@ -220,6 +222,7 @@ def test_the_plans_own_preview_moves(flight: Path, chromium: Browser):
     assert_quiet(tab, flight / "preview.html")
 
 
+@pytest.mark.collision
 @LOOKS
 def test_the_preview_is_drawn(size: tuple[int, int], dark: bool, moving: Path, chromium: Browser):
     tab = chromium.open(moving, size=size, dark=dark, mark="still")
@@ -238,6 +241,7 @@ def test_the_preview_is_drawn(size: tuple[int, int], dark: bool, moving: Path, c
     assert_quiet(tab, moving)
 
 
+@pytest.mark.collision
 def test_without_webgl_a_message_and_the_picture_of_the_joints_stand_there(
     moving: Path, tmp_path: Path, chromium: Browser
 ):
@@ -258,6 +262,7 @@ def test_without_webgl_a_message_and_the_picture_of_the_joints_stand_there(
     assert "context was lost" in tab.run("document.getElementById('undrawn').textContent")
 
 
+@pytest.mark.collision
 def test_the_arm_is_where_it_is(moving: Path, arm: Robot, chromium: Browser):
     tab = chromium.open(moving, mark="still")
     tab.wait("document.documentElement.dataset.drawn")
@@ -271,6 +276,7 @@ def test_the_arm_is_where_it_is(moving: Path, arm: Robot, chromium: Browser):
         assert value.endswith(f"{abs(plan.at([time]).q[0, 0]):.3f} rad")
 
 
+@pytest.mark.collision
 def test_it_plays_stops_and_shows_masses(moving: Path, chromium: Browser):
     tab = chromium.open(moving, mark="still")
     tab.wait("document.documentElement.dataset.drawn")
@@ -292,6 +298,7 @@ def test_it_plays_stops_and_shows_masses(moving: Path, chromium: Browser):
     assert_quiet(tab, moving)
 
 
+@pytest.mark.collision
 def test_a_limit_is_marked(arm: Robot, tmp_path: Path, chromium: Browser):
     from armid.report.preview.animation_frames import still
 

@@ -26,6 +26,8 @@ from armid.thesis.reproduction import Thesis, reproduce, thesis_record
 from armid.thesis.setting import QUICK, Extent
 from reports import Page
 
+pytestmark = pytest.mark.collision
+
 pytest.importorskip("mujoco")
 pytest.importorskip("casadi")
 pytest.importorskip("plotly")

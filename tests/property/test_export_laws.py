@@ -43,6 +43,7 @@ def largest(x: np.ndarray) -> float:
     return float(np.abs(x).max())
 
 
+@pytest.mark.witness
 @pytest.mark.parametrize("to", EXPORTERS)
 @settings(max_examples=8)
 @given(seed=st.integers(0, 2**20), n=st.integers(1, 7))

@@ -22,6 +22,7 @@ ARMS = ("franka_panda_gaz", "kuka_lbr_med7", "staubli_tx40")
 """With fingers locked and a hand that is heavier than the link; with a flange carried; with a coupling."""
 
 
+@pytest.mark.witness
 @pytest.mark.parametrize("name", ARMS)
 def test_the_file_predicts_as_the_run_did(shared_data: Path, tmp_path: Path, name: str):
     study = load_study(STUDIES / f"{name}.toml")

@@ -25,6 +25,7 @@ DESCRIPTIONS = (
 )
 
 
+@pytest.mark.witness
 @pytest.mark.parametrize("name", DESCRIPTIONS)
 def test_only_what_was_identified_changes(shared_data: Path, tmp_path: Path, name: str):
     found = round_trip(shared_data / name, tmp_path, to="urdf")

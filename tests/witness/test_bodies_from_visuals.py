@@ -82,6 +82,7 @@ def _found(robot, code: str) -> str:
     return " ".join(each.evidence for each in robot.findings if each.code == code)
 
 
+@pytest.mark.collision
 @pytest.mark.parametrize(("text", "drawn"), [(MJCF, {"foot", "hand", "rack", "world"}), (URDF, {"foot", "hand"})])
 def test_nothing_that_is_drawn_is_run_into(text, drawn, tmp_path):
     """Wherever MuJoCo sees a moving geom in another, the collision model sees it, too."""

@@ -56,6 +56,7 @@ def test_modes_and_placements_of_a_mesh(tmp_path, mode: str, placed: str, geom: 
     check(tmp_path / "arm.xml", document(mesh, f'<geom type="mesh" mesh="m" {geom}/>{SOLIDS}'))
 
 
+@pytest.mark.collision
 @pytest.mark.parametrize(
     "placed",
     [

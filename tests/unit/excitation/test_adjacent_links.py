@@ -30,6 +30,8 @@ from armid.study.plans.poses_and_sweeps import MovesGoal, design_moves
 from armid.study.plans.preflight_text import report_record, report_text
 from mesh_texts import write_mesh
 
+pytestmark = pytest.mark.collision
+
 ARM, RADIUS, WIDTH = 0.1, 0.02, 2.5
 """Distance of the spheres from the axis and their radius [m], and range of the joint [rad]."""
 

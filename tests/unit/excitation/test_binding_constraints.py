@@ -42,6 +42,7 @@ def plans(tmp_path_factory):
     ]
 
 
+@pytest.mark.collision
 def test_the_pair_that_holds_a_joint_is_named_with_its_cost_and_options(plans):
     (found,) = [each for each in plans[0].findings if each.code == "motion-restrained"]
     assert "turn" in found.channel and found.severity == "warning"
@@ -50,5 +51,6 @@ def test_the_pair_that_holds_a_joint_is_named_with_its_cost_and_options(plans):
         assert option in found.remedy
 
 
+@pytest.mark.collision
 def test_joints_that_come_up_to_their_limits_are_held_by_nothing(plans):
     assert not [each for each in plans[1].findings if each.code == "motion-restrained"]

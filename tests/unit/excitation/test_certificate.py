@@ -62,6 +62,7 @@ def problem():
     return DescentProblem(CriterionGoal(model, find_base_parameters(model)), basis, (made.every,))
 
 
+@pytest.mark.collision
 def test_a_certificate_holds_and_is_exact_for_bodies_that_come_near(problem):
     """Pairs within `SCALE` of what they keep are evaluated in every point of the grid; no pair is ever nearer."""
     rng = np.random.default_rng(1)
@@ -79,6 +80,7 @@ def test_a_certificate_holds_and_is_exact_for_bodies_that_come_near(problem):
     assert [each.certified for each in margins(problem, fine_grid(problem), x)] == bound.tolist()
 
 
+@pytest.mark.collision
 def test_a_motion_is_shrunk_into_the_limits_and_no_further(problem):
     """Within 1e-3 above the factor that bisections find, some motion leaves the limits."""
     drawn = [3.0 * np.random.default_rng(seed).normal(size=problem.basis.unknowns) for seed in range(8)]
@@ -111,6 +113,7 @@ def disc(path, radius, centre, *, inner=0.0):
     )
 
 
+@pytest.mark.collision
 def test_bodies_that_turn_about_each_other_across_a_gap_keep_a_part_of_it_that_excludes_no_pose(tmp_path):
     """A pin in a bush, each a little off its centre: the gap is 0.4 to 2 mm in all poses, and hulls know of none."""
     disc(tmp_path / "bush.obj", 0.07, 0.0008, inner=0.05)

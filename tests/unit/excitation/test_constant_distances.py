@@ -55,6 +55,7 @@ def motion() -> Motion:
     return Motion(time, q, np.gradient(q, time, axis=0), np.zeros_like(q))
 
 
+@pytest.mark.collision
 def test_the_list_begins_with_the_closest_pair_whose_distance_changes(robot: Robot, motion: Motion):
     watched = bodies_to_watch(robot)
     assert watched is not None
@@ -69,6 +70,7 @@ def test_the_list_begins_with_the_closest_pair_whose_distance_changes(robot: Rob
     )
 
 
+@pytest.mark.collision
 def test_the_preview_draws_the_pair_whose_distance_changes_and_names_the_other(robot: Robot, motion: Motion):
     watched, clip = bodies_to_watch(robot), clip_of_motion(motion, "wheel")
     assert watched is not None
@@ -79,6 +81,7 @@ def test_the_preview_draws_the_pair_whose_distance_changes_and_names_the_other(r
     assert f"{pair} 2.0 mm" in render_preview(Preview(robot, clip, collision=watched))
 
 
+@pytest.mark.collision
 def test_a_pair_that_is_too_close_in_every_pose_heads_the_list(robot: Robot, motion: Motion):
     watched = bodies_to_watch(robot)
     assert watched is not None
@@ -89,6 +92,7 @@ def test_a_pair_that_is_too_close_in_every_pose_heads_the_list(robot: Robot, mot
     assert Preflight((), found, (), None).verdict == "fail"
 
 
+@pytest.mark.collision
 def test_a_distance_that_changes_beyond_the_poses_of_a_motion_is_not_constant(tmp_path: Path):
     """Off the axis, the spheres are 2 mm apart at zero and 7.5 mm at the joints' limits; the motion is small."""
     sphere = '<collision><origin xyz="0.02 0 {}"/><geometry><sphere radius="0.05"/></geometry></collision>'
@@ -113,6 +117,7 @@ def test_a_distance_that_changes_beyond_the_poses_of_a_motion_is_not_constant(tm
     assert nearest.distance == pytest.approx(GAP, abs=MEASURED) and not nearest.constant
 
 
+@pytest.mark.collision
 def test_an_arm_in_one_pose_has_no_constant_distances(robot: Robot, motion: Motion):
     watched = bodies_to_watch(robot)
     assert watched is not None

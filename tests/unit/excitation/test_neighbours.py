@@ -33,6 +33,8 @@ from armid.study.plans.poses_and_sweeps import MovesGoal, design_moves
 from armid.study.plans.preflight_text import mark_of, report_record, report_text
 from armid.study.plans.start_pose_and_bodies import place_motion
 
+pytestmark = pytest.mark.collision
+
 
 def wheel(folder: Path, share: float) -> Robot:
     """Two links on one axis, two joints apart, whose bodies overlap in a share of all poses."""

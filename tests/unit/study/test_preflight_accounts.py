@@ -17,6 +17,8 @@ from armid.robot import load_robot
 from armid.study.plans.design import DesignConstraints, DesignGoal, SearchBudget, design_plan
 from armid.study.plans.preflight_text import report_record, report_text
 
+pytestmark = pytest.mark.collision
+
 JOINT = """<joint name="{0}" type="{1}"><parent link="{2}"/><child link="{3}"/><origin xyz="0.2 0 0"/>
 <axis xyz="0 {4}"/><limit lower="-1" upper="1" velocity="1"{5}/></joint>"""
 

@@ -191,6 +191,7 @@ def test_part_of_the_shapes_is_no_basis(tmp_path):
     assert not warnings(replace(body, com=body.com + np.array([0.0, 0.5, 0.0]), shapes=(*body.shapes, gone)))
 
 
+@pytest.mark.collision
 def test_meshes_of_every_format_give_one_hull(tmp_path):
     vertices, faces = prism()
     (tmp_path / "part.dae").write_text(collada(vertices, faces))
