@@ -44,6 +44,7 @@ from armid.study.recordings.processed import process_each
 from armid.study.recordings.reading import read_choice
 from corruption_kinds import KINDS, Kind
 from corruption_scene import Scene
+from fifth_kinds import FIFTH
 from fourth_kinds import FOURTH
 from further_kinds import FURTHER
 from later_kinds import LATER
@@ -241,7 +242,7 @@ def main() -> None:
     parser.add_argument("--verbose", action="store_true", help="a line for each identification")
     parser.add_argument("--json", type=Path, help="file that is written")
     options = parser.parse_args()
-    every = (*KINDS, *FURTHER, *LATER, *FOURTH)
+    every = (*KINDS, *FURTHER, *LATER, *FOURTH, *FIFTH)
     kinds = [kind for kind in every if any(text in f"{kind.family}: {kind.name}" for text in options.kinds)]
     outcomes: list[Outcome] = []
     for name in options.arms:
