@@ -378,6 +378,10 @@ def test_uncertain_gains_are_in_the_interval_of_the_mass(armid: Armid):
             ("recalibrate", "run", "warm.npz", "--validate", "warm.npz", "--out", "x"),
             "the same data are used for training",
         ),
+        (
+            ("recalibrate", "run", "warm.npz", "--validate", "later.npz", "--validate", "later.npz", "--out", "x"),
+            "given twice for validation",
+        ),
     ],
 )
 def test_bad_input_is_one_message(armid: Armid, folder: Path, arguments: tuple[str, ...], said: str):

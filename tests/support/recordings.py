@@ -58,7 +58,7 @@ def write_workbook(path, table=TABLE, notes=()):
     numbers = zip(
         *([float(x) if not isinstance(x, str) else x for x in column] for column in table.values()), strict=True
     )
-    rows = "".join(map(row, [*([note] for note in notes), list(table), *numbers]))
+    rows = "".join(map(row, [*([note] if note else [] for note in notes), list(table), *numbers]))
     main, office = (
         "http://schemas.openxmlformats.org",
         "http://schemas.openxmlformats.org/officeDocument/2006/relationships",

@@ -251,7 +251,6 @@ class DynamicsModel(Displayed):
             found = "none" if motion.memory is None else f"{motion.memory.shape[1]}"
             raise ModelError(
                 f"The term {self.nodes[0].term!r} needs a motion with {len(self.nodes)} hysteresis states; the given "
-                f""
                 f"motion has {found}.",
                 remedy="first add the states with `DynamicsModel.remember` to the whole contiguous run.",
             )

@@ -183,7 +183,7 @@ def _read_held_out(
         training: New recordings for training.
 
     Raises:
-        StudyError: A recording was already used for training.
+        StudyError: A recording was already used for training, or is given twice.
     """
     recordings: list[ReadRecording] = []
     findings: list[tuple[Finding, ...]] = []
@@ -195,6 +195,11 @@ def _read_held_out(
                 f"{path} cannot be used for validation, because the same data are used for training (sha256 "
                 f"{recording.sha256[:12]}…).",
                 remedy="give a recording that was used neither by the run nor by the recalibration.",
+            )
+        if recording.sha256 in {each.sha256 for _, each in recordings}:
+            raise StudyError(
+                f"{path} is given twice for validation (sha256 {recording.sha256[:12]}…).",
+                remedy="leave one of them out.",
             )
         recordings.append((choice, recording))
         findings.append(found)

@@ -327,7 +327,10 @@ def _effort_unit(run: Run) -> str:
 
 def _error(scores: Sequence[Score]) -> float:
     """Torque error [N·m or N]: root of the sum over joints of squared RMS errors, averaged over the recordings."""
-    return float(np.sqrt(np.nansum(np.mean([score.rms**2 for score in scores], axis=0))))
+    squares = np.array([score.rms**2 for score in scores])
+    known = np.isfinite(squares)  # a joint may have no rows in a recording
+    means = np.where(known, squares, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    return float(np.sqrt(means.sum()))
 
 
 def _older_validation(error: float, earlier: float, new: float, unit: str) -> Finding:

@@ -166,5 +166,7 @@ def test_a_workbook(tmp_path):
         load_recording(write_workbook(tmp_path / "few.xlsx", degrees))
     spoilt = {"t": T, "q1": [*Q[:-1, 0], "off"], "q2": Q[:, 1]}
     refused("row 26: q1 is 'off', not a number", write_workbook(tmp_path / "off.xlsx", spoilt))
+    # A row of a message is the row of the sheet, also below empty rows at its top and between the notes.
+    refused("row 29: q1 is 'off'", write_workbook(tmp_path / "low.xlsx", spoilt, notes=("", "Recorder 2.1", "")))
     refused("has no sheet with a table", write_workbook(tmp_path / "none.xlsx", {"t": []}))
     assert load_recording(tmp_path / "run.xlsx", LogFormat(columns={"dq": ""})).dq is None

@@ -256,6 +256,8 @@ def test_wrong_requests_are_refused(run: Run, monitor: Monitor):
         make_monitor(run, false_alarms=0.0)
     with pytest.raises(ArmidError, match="too high"):
         make_monitor(run, options=ObserverOptions("momentum", RATE))
+    with pytest.raises(ArmidError, match="at 20 Hz or more; found 15 Hz"):
+        ObserverOptions().gain_at(15.0)  # the default would not have settled when alarms begin
     with pytest.raises(ArmidError, match="250 Hz"):
         LiveMonitor(monitor, 1000.0)
     with pytest.raises(ArmidError, match="250 Hz"):

@@ -81,7 +81,7 @@ def _read_open(bag: Any, log_format: LogFormat, robot: Robot | None, path: Path)
     """Reads the recording from an open bag."""
     names = {joint: name for name, joint in log_format.joint_map.items() if joint}
     wanted = tuple(names.values()) if robot is None else tuple(names.get(j, j) for j in robot.joint_names)
-    spare = () if robot is None else tuple(held.name for held in robot.held)
+    spare = () if robot is None else tuple(names.get(held.name, held.name) for held in robot.held)
     published: dict[str, list[Publisher]] = {}
     kinds = {connection.topic: str(connection.msgtype) for connection in bag.connections}
     for candidates in _candidates(kinds, log_format, path):

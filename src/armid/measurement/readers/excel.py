@@ -36,16 +36,17 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
         raise MissingExtraError("python-calamine", "Reading workbooks", EXTRA) from error
     try:
         with calamine.CalamineWorkbook.from_path(str(path)) as book:
-            sheets = [book.get_sheet_by_name(name).to_python(skip_empty_area=True) for name in book.sheet_names]
+            opened = [book.get_sheet_by_name(name) for name in book.sheet_names]
+            sheets = [((sheet.start or (0, 0))[0], sheet.to_python(skip_empty_area=True)) for sheet in opened]
     except (calamine.CalamineError, OSError, ValueError) as error:
         raise RecordingError(
             f"{path} cannot be read as a workbook ({error}).",
             remedy="copy the file again, or export the sheet as CSV.",
         ) from error
-    for rows in sheets:
+    for first, rows in sheets:
         head = next((k for k, row in enumerate(rows) if _is_header(row)), None)
         if head is not None and len(rows) > head + 1:
-            return _recording(rows, head, log_format, robot, path)
+            return _recording(rows, head, first, log_format, robot, path)
     raise RecordingError(
         f"{path} has no sheet with a table.",
         remedy="add a row with the names of the columns above the rows of numbers.",
@@ -59,14 +60,24 @@ def _is_header(row: Sequence[Any]) -> bool:
 
 
 def _recording(
-    rows: Sequence[Sequence[Any]], head: int, log_format: LogFormat, robot: Robot | None, path: Path
+    rows: Sequence[Sequence[Any]], head: int, first: int, log_format: LogFormat, robot: Robot | None, path: Path
 ) -> Recording:
+    """Reads the recording from the rows of a sheet.
+
+    Args:
+        rows: Rows of the sheet from its first row that is not empty.
+        head: Index of the row with the column names.
+        first: Number of empty rows of the sheet before `rows`.
+        log_format: Names and units of the columns.
+        robot: The arm, if known.
+        path: Path of the workbook, for messages.
+    """
     names = [str(cell).strip() for cell in rows[head]]
-    body = [row for row in rows[head + 1 :] if any(cell != "" for cell in row)]
+    body = [(k, row) for k, row in enumerate(rows[head + 1 :], first + head + 1) if any(cell != "" for cell in row)]
 
     def column(name: str) -> Array:
         k = names.index(name)
-        return np.array([_number(row[k], f"{path}, row {i + head + 2}: {name}") for i, row in enumerate(body)])
+        return np.array([_number(row[k], f"{path}, row {i + 1}: {name}") for i, row in body])
 
     selection = select([name for name in names if name], log_format, path, robot, values=column)
     return assemble(selection, column, log_format, path)

@@ -78,9 +78,14 @@ class ObserverOptions:
         """Gain K of the observer [1/s] at a sample rate [Hz]: the stated gain, or the default.
 
         Raises:
-            ArmidError: The stated gain is too high for the rate.
+            ArmidError: The stated gain is too high for the rate, or the rate is so low that no gain is possible.
         """
         highest = GAIN_PER_RATE * rate
+        if highest < LEAST_GAIN * (1.0 - 1e-6):
+            raise ArmidError(
+                f"The observer needs samples at {LEAST_GAIN / GAIN_PER_RATE:g} Hz or more; found {rate:.5g} Hz.",
+                remedy="record at a higher rate.",
+            )
         if self.gain is not None and self.gain > highest * (1.0 + 1e-6):
             raise ArmidError(
                 f"A gain of {self.gain:g} 1/s is too high for samples at {rate:.5g} Hz.",
