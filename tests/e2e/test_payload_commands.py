@@ -392,6 +392,12 @@ def test_bad_input_is_one_message(armid: Armid, folder: Path, arguments: tuple[s
     assert {path.name for path in folder.iterdir()} == before
 
 
+def test_an_arm_that_has_changed_is_told_how_to_recalibrate(armid: Armid):
+    code, out, _ = armid("validate", "run", "warm.npz")
+    assert code == 1 and "armid recalibrate run warm.npz" in " ".join(out.split())
+    assert "recalibrate" not in armid("validate", "run", "warm.npz", "--json")[1]
+
+
 def test_a_load_in_the_middle_of_an_arm_is_refused(armid: Armid, folder: Path, tmp_path: Path):
     text = (folder / "study.toml").read_text().replace('"small.urdf"', '"small.urdf"\ntip = "link_2"\nonly = ["*"]')
     (folder / "middle.toml").write_text(text)

@@ -203,10 +203,7 @@ def certify_run(run: Run, *, motion: Motion | None = None, heaviest: float | Non
 
 
 def _own_bodies(run: Run, standard: StandardFit) -> Finding:
-    """Finding with the estimated masses of the links of a run, which differ from the masses of the certificate.
-
-    Both sets of links have the same base parameters and give the same torque.
-    """
+    """Finding that the links of the certificate and the links that the run has estimated give the same torque."""
     places = [standard.names.index(f"M_{link + 1}") for link in range(run.model.n)]
     masses = ", ".join(f"{standard.values[k]:.4g}" for k in places)
     evidence = (
@@ -316,10 +313,7 @@ def _physical(robot: Robot, values: Mapping[str, float], motion: Motion | None, 
 
 
 def _rounding(masses: Array, tensors: Array) -> float:
-    """Largest rounding error of given masses and inertias: `ROUNDING` if no value has more than three decimals.
-
-    Otherwise the result is zero.
-    """
+    """Largest rounding error of given masses and inertias: that of three decimals if no value has more, else zero."""
     thousandths = np.concatenate([masses.ravel(), tensors.ravel()]) / (2.0 * ROUNDING)
     return ROUNDING if np.allclose(thousandths, np.round(thousandths), rtol=0.0, atol=1e-6) else 0.0
 
@@ -365,19 +359,7 @@ def _findings(
     pose: Pose,
     theta: Array,
 ) -> tuple[Finding, ...]:
-    """Findings about physical consistency, the mass matrix and gravity.
-
-    They do not contain the masses of the nearest consistent links, because torques do not determine these masses.
-
-    Args:
-        kind: Kind of the parameters: `base`, `standard` or `physical`.
-        model: Arm and torque terms.
-        certificate: Certificate of the parameters.
-        limited: Certificate under the condition that no link is heavier than `heaviest`.
-        heaviest: Largest mass of a link in `limited` [kg].
-        pose: Pose with the smallest eigenvalue of the mass matrix.
-        theta: Standard parameters, shape (p,).
-    """
+    """Findings of a certificate, without the mass of the nearest body, which the torques do not determine."""
     findings: list[Finding] = []
     if not certificate.feasible:
         worst = ", ".join(f"{each.name} by {each.change:+.3g}" for each in certificate.blame[:4])

@@ -115,7 +115,6 @@ def export(
         armid export runs/today --to mjcf --ensemble 100 --out arms
     """
     from armid.cli.motion.number_options import parse_limits
-    from armid.errors import OutputError
     from armid.export.ros.write import export_for_ros
     from armid.export.write import export_record, export_run
     from armid.runs.run import load_run
@@ -129,12 +128,6 @@ def export(
         "allow_unidentified": allow_unidentified,
     }
     if ensemble is not None:
-        if to not in EXPORTERS:
-            raise OutputError(
-                f"--ensemble writes robot descriptions; {to!r} is not a format of one.",
-                possible=", ".join(EXPORTERS),
-                remedy="name one of these formats with --to.",
-            )
         return _ensemble(run, to, ensemble, out, seed, description, choices, json=json)
     if to in LANGUAGES:
         return _code(run, to, out, json=json)
@@ -159,10 +152,17 @@ def _ensemble(
 ) -> None:
     """Write `count` possible arms, drawn from the estimate; print the folder and the share of replaced draws."""
     from armid.cli.console import print_findings, progress
+    from armid.errors import OutputError
     from armid.export.ensemble.write import PARAMETERS, ensemble_record, export_ensemble
     from armid.runs.run import load_run
     from armid.study.storage.records import to_json
 
+    if to not in EXPORTERS:
+        raise OutputError(
+            f"--ensemble writes robot descriptions; {to!r} is not a format of one.",
+            possible=", ".join(EXPORTERS),
+            remedy="name one of these formats with --to.",
+        )
     loaded = load_run(run)
     with progress(quiet=json) as told:
         made = export_ensemble(loaded, to, count, out, seed=seed, description=description, progress=told, **choices)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -86,6 +87,7 @@ def validate(
     from armid.runs.rollout import judged_by_motion, motion_record
     from armid.runs.run import load_run, with_edges
     from armid.runs.validation_and_prediction import validate_run
+    from armid.study.plausibility.recording_errors import contradictions
     from armid.study.storage.records import to_json, validation_record
 
     loaded = with_edges(load_run(run), edges)
@@ -108,6 +110,9 @@ def validate(
         _print(loaded, validation, rollout, written)
     print_findings(findings)
     if validation.verdict == "fail":
+        if not json and not contradictions(findings):
+            command = shlex.join(["armid", "recalibrate", run, *recordings])
+            sys.stdout.write(f"if the arm has changed since the run, {command} finds what has changed\n")
         raise typer.Exit(1)
 
 

@@ -109,8 +109,7 @@ class Uncertainty:
         information: Factors of the same rows in the parameters of the fit.
         prior: Precision of the prior, shape (b, b).
         inverse: Inverse of the normal matrix, prior included, shape (b, b).
-        known_covariance: Covariance that follows from prior and torque scales, which is added to the covariance that
-            follows from noise, shape (b, b).
+        known_covariance: Covariance by prior and torque scales, which is added to that from noise, shape (b, b).
         moved: Shift of the estimate by rows near velocity reversals, multiplied by the share that counts as one
             standard deviation, shape (b,).
         observed: Mask of the parameters on which the rows depend, shape (b,).
@@ -262,12 +261,7 @@ class Uncertainty:
         return replace(self._with(covariance, "block", free), report=replace(report, parts=round(free) + 1))
 
     def _periods(self, found: RepetitionBlocks, report: CovarianceReport) -> Fit:
-        """Fit with the covariance from the scatter between periods of the motion.
-
-        Args:
-            found: Assignment of the blocks to the periods.
-            report: Report on the kind of the covariance.
-        """
+        """Fit with the covariance from the scatter between periods of the motion."""
         covariance = jackknife(
             self.information, found.groups, found.motions, self.fit.values, self.fit.weights, self.inverse
         )
@@ -281,13 +275,7 @@ class Uncertainty:
         )
 
     def _with(self, covariance: Array, kind: str, freedom: Array | float) -> Fit:
-        """Fit with a given covariance from the noise of the data, plus the covariance from prior and torque scales.
-
-        Args:
-            covariance: Covariance from the noise of the data, shape (b, b).
-            kind: Kind of this covariance, such as `spectral`.
-            freedom: Degrees of freedom of this covariance, shape (b,) or a number.
-        """
+        """Fit with a given covariance from the noise, plus the covariance from prior and torque scales."""
         return self.with_scatter(replace(self.fit, covariance_kind=kind), covariance, self.known_covariance, freedom)
 
     def with_scatter(self, fit: Fit, scatter: Array, known_covariance: Array, freedom: Array | float) -> Fit:
@@ -402,12 +390,6 @@ def _repeated(bands: BandProducts, scatter: LevelScatter, rows: Array, weights: 
     """Variance of the mean residual of all periods, divided by its value for independent periods.
 
     Without periods the result is 1.
-
-    Args:
-        bands: Products of the residuals in frequency bands.
-        scatter: Effect of the noise on the estimate.
-        rows: Number of rows in use, shape (n,).
-        weights: Weight of each joint's rows, shape (n,).
     """
     squares, free = bands.within
     if not (free > 0.0).all():

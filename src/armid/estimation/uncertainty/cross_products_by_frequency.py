@@ -137,17 +137,7 @@ def gather_bands(problem: EstimationProblem, values: Array) -> Iterator[Gathered
 def _with_residuals(
     chunks: Iterator[tuple[int, Array]], source: ColumnSource, parameters: list[NDArray[np.int64]], values: Array
 ) -> Iterator[tuple[int, list[Array], Array]]:
-    """Yields the regressor columns and residuals of chunks of M rows.
-
-    Args:
-        chunks: Index of the first row, and columns with the torques, of each chunk.
-        source: Layout of the columns.
-        parameters: Indices of the parameters of each joint's k_j columns, shapes (k_j,).
-        values: Values of the parameters for each joint's torque, shape (n, b).
-
-    Yields:
-        Index of the first row, columns of each joint j, shapes (k_j, M), and residuals, shape (n, M).
-    """
+    """Yields for each chunk of M rows the first row, the columns of each joint j (k_j, M) and residuals (n, M)."""
     for begin, x in chunks:
         blocks = [x[a:b] for a, b in itertools.pairwise(source.layout.offset)]
         residual = [
@@ -273,14 +263,7 @@ def _gather_run(
     places: list[NDArray[np.intp]],
     widths: list[int],
 ) -> Iterator[GatheredBands]:
-    """Yields the averaged rows of one run, segment by segment, or folded into one period if the motion repeats.
-
-    Args:
-        run: The run.
-        chunks: Index of the first row, columns of each joint and residuals of consecutive rows.
-        places: Rows of `GatheredBands.columns` that belong to each joint's columns.
-        widths: Number of columns of each joint.
-    """
+    """Yields the averaged rows of one run, segment by segment, or folded into one period if the motion repeats."""
     averaging = _averaging(run)
     segments, folded = _segments(run, averaging)
     rate = run.rate / (run.step * averaging)
@@ -342,12 +325,7 @@ class _Sums:
         self.period_squares += (summed**2 / np.maximum(count, 1.0)).sum(axis=1)
 
     def gathered(self, rate: float, periods: int) -> GatheredBands:
-        """Averaged rows from the sums, scaled so that averaging changes neither products nor white noise.
-
-        Args:
-            rate: Row rate after averaging [Hz].
-            periods: Number of periods that were folded.
-        """
+        """The sums as averaged rows, scaled so that products and the level of white noise keep their size."""
         scale = 1.0 / np.sqrt(np.maximum(self.count, 1.0))
         residual = self.residual * scale
         within = np.zeros((2, len(self.widths)))
@@ -404,14 +382,7 @@ def _labels(count: int, rate: float, edges: Array) -> tuple[NDArray[np.intp], Ar
 
 
 def _products(signals: Array, label: NDArray[np.intp], real: Array, bands: int) -> Array:
-    """Products of the spectra of every two of k signals (k, M), summed over each frequency band, (bands, k, k).
-
-    Args:
-        signals: Signals, shape (k, M).
-        label: Index of the frequency band of each coefficient of the spectrum.
-        real: Number of real numbers in each coefficient: 1 or 2.
-        bands: Number of bands.
-    """
+    """Products of the spectra of every two of k signals (k, M), summed over each frequency band, (bands, k, k)."""
     result = np.zeros((bands, len(signals), len(signals)))
     x = spectrum(signals.T) * np.sqrt(real / signals.shape[1])[:, None]
     for a, b in itertools.pairwise(np.flatnonzero(np.diff(label, prepend=-1, append=-1))):

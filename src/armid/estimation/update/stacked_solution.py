@@ -199,13 +199,7 @@ class _Determined:
 
 
 def _restrict_to_determined(linear: Information, prior: Array, weights: Array) -> _Determined:
-    """Changes the unknowns of a problem to coordinates that data and prior determine.
-
-    Args:
-        linear: Factors in the u unknowns.
-        prior: Whitened rows of the prior in the u unknowns, right-hand side last, shape (k, u + 1).
-        weights: Weight of each joint's rows, shape (n,).
-    """
+    """Changes the unknowns of a problem to coordinates that data and prior determine."""
     A = np.vstack([stack(total(linear), weights)[0], prior[:, :-1]])
     length = unit_columns(A)[1]
     directions = null_directions(A)
@@ -256,21 +250,7 @@ class _WeightedSolution:
 def _iterate_weights(
     whole: Information, unknowns: _Unknowns, weights: Array, values: Array, scale: Array
 ) -> tuple[Array, Array, Array]:
-    """Solves a problem repeatedly, each time with new weights, until weights and scales converge.
-
-    Args:
-        whole: Factors, one block.
-        unknowns: The unknowns and their prior.
-        weights: Initial weight of each joint's rows, shape (n,).
-        values: Initial parameters, shape (c,).
-        scale: Initial torque scales, shape (n,).
-
-    Returns:
-        Weights (n,), parameters (c,) and torque scales (n,).
-
-    Raises:
-        EstimationError: Weights or scales do not converge.
-    """
+    """Repeats solutions with new weights until they converge: weights (n,), parameters (c,) and scales (n,)."""
     torque = np.array([np.linalg.norm(joint.R[0, :, -1]) for joint in whole.joints])
     floor = RESOLUTION * torque / np.sqrt(np.maximum(whole.rows[0], 1))
     floor[torque == 0.0] = 1.0
@@ -348,15 +328,6 @@ def _fit_with_covariance(
     """Fit in the coordinates z that data and prior determine, with its covariance.
 
     The covariance is computed from the samples if possible, otherwise from the factors.
-
-    Args:
-        stacked: The stacked problem.
-        unknowns: The unknowns and their prior.
-        determined: The problem in the coordinates z.
-        solved: Solution in the coordinates z.
-        weights: Weight of each joint's rows, shape (n,).
-        values: Parameters, shape (c,).
-        scale: Torque scales, shape (n,).
     """
     fit = _fit(determined, solved, weights)
     if stacked.samples is None:
@@ -389,15 +360,7 @@ def _fit_with_covariance(
 
 
 def _whitened_rows(whole: Information, unknowns: _Unknowns, weights: Array, values: Array, scale: Array) -> Array:
-    """Whitened rows of all blocks for the u unknowns, shape (m, u), linearised at the solution.
-
-    Args:
-        whole: Factors, one block.
-        unknowns: The unknowns and their prior.
-        weights: Weight of each joint's rows, shape (n,).
-        values: Parameters at which the problem is linearised, shape (c,).
-        scale: Torque scales at which the problem is linearised, shape (n,).
-    """
+    """Whitened rows of all blocks for the u unknowns, shape (m, u), linearised at the solution."""
     A = stack(whole, weights)[0]
     joint = np.concatenate([np.full(len(each.R[0]), j) for j, each in enumerate(whole.joints)])
     slopes = scale[joint][:, None] * A[:, unknowns.free]

@@ -65,17 +65,16 @@ class CollisionOptions:
     """Pairs of bodies that a plan must keep apart.
 
     Attributes:
-        searched: Constraint channel of the pairs that can come close to each other, for the search; `None` if there
-            are none.
-        every: Constraint channel of all pairs that are checked with bounding volumes, for the certificate.
-        skipped: Pairs that are not checked, except pairs of adjacent links.
+        searched: Pairs that can come close to each other, for the search; `None` if there are none.
+        every: All pairs that are checked with bounding volumes, for the certificate.
+        skipped: Pairs that are not checked, without the pairs of adjacent links.
         shapes: The bodies themselves, the surroundings last.
         pairs: Indices into `shapes` of the pairs of `every`, shape (m, 2).
         own: Number of shapes that belong to the arm.
         measured: Indices into `shapes` of the pairs that are checked with the bodies themselves, shape (r, 2).
         required_distances: Required distances of the pairs of `measured`, shape (r,) [m].
         left_out: Bounding volumes of the pairs of `skipped`.
-        adjacent: Pairs of bodies of adjacent links.
+        adjacent: Pairs of adjacent links.
     """
 
     searched: Clearance | None
@@ -96,10 +95,7 @@ class CollisionOptions:
 
     @property
     def clearance(self) -> float:
-        """Distance between bodies that the user requires [m].
-
-        Pairs that are close by construction have smaller required distances.
-        """
+        """Distance that the user requires [m]; smaller distances are required of pairs close by construction."""
         return self.adjacent.margin
 
     @property
@@ -133,14 +129,13 @@ class CollisionModel:
     Attributes:
         robot: The arm.
         shapes: The bodies themselves, the surroundings last.
-        bodies: Bounding volumes of the bodies and their pairs: capsules and solids, and hulls for pairs whose
-            capsules touch in most poses.
+        bodies: Capsules and solids with their pairs, and hulls for pairs whose capsules touch in most poses.
         pairs: Indices into `shapes` of the pairs of `bodies`, shape (m, 2).
         required: Required distance of each pair, and the way in which the pair is checked.
         nearest: Smallest distance of each pair in many random poses, shape (m,) [m].
         touching: Share of the random poses in which each pair is closer than the required distance, shape (m,).
-        tried: Some of the random poses, in which hulls are compared with capsules, shape (k, n) [rad or m].
-        ignored: For each pair that the user excludes, by index of the pair: the option or file that excludes it.
+        tried: Some of the random poses, shape (k, n) [rad or m].
+        ignored: Option or file with which the user excludes a pair, by the index of the pair.
         adjacent: Pairs of adjacent links, which are not among `pairs`.
     """
 
@@ -163,10 +158,9 @@ class CollisionModel:
         return self._excess(q, self.required.margin)
 
     def search_excess_distance(self, q: Array) -> Array:
-        """Smallest excess distance of all pairs for a search in poses (N, n), shape (N,) [m].
+        """Smallest difference (N,) [m] of the distance in poses (N, n) and the distance that a search requires.
 
-        It is the distance of the bodies minus the distance that a search requires: the required distance plus
-        `required.spare`. It is negative if a pair is closer than that; a positive result is a lower bound.
+        A search requires the required distance plus `required.spare`. The sign is that of `excess_distance`.
         """
         return self._excess(q, self.required.margin + self.required.spare)
 
@@ -270,14 +264,12 @@ def make_collision_model(
     margin: float = 0.02,
     ignored: Sequence[IgnoredBodies] = (),
 ) -> CollisionModel:
-    """Makes the collision model of an arm and its surroundings.
-
-    The required distances are determined from random poses.
+    """Collision model of an arm and its surroundings, with required distances determined from random poses.
 
     Args:
         robot: The arm.
         limits: Limits of the joints of the arm.
-        surroundings: Bodies of the surroundings, which do not move.
+        surroundings: Bodies that do not move.
         margin: Required distance between bodies [m].
         ignored: Pairs that are not checked.
 

@@ -61,13 +61,11 @@ START_UTILISATION = 0.95
 """Utilisation of the limits to which each joint of a random starting point is scaled."""
 
 Progress = Callable[["SearchCandidate", float, int], None]
-"""Function that is called to report progress, with the best plan so far, the elapsed time [s] and the number of
-finished descents."""
+"""Function that reports progress: best plan so far, elapsed time [s] and number of finished descents."""
 
 
 TINY = 1e-4
-"""Standard deviation of the unknowns of a very small motion [rad/s or m/s]. A limit that this motion violates
-excludes any motion."""
+"""Deviation of the unknowns of a very small motion [rad/s or m/s]; a limit that it violates excludes any motion."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -339,8 +339,7 @@ def _expand(
 ) -> tuple[str, ...]:
     """Columns that match a pattern, in the order of their numbers.
 
-    The numbers must start at 1 for `{}` and at 0 for `{0}`. For the usual names (`usual`), columns that are numbered
-    from 0 do not match, because they are guessed later, with a finding.
+    The numbers must start at 1 for `{}` and at 0 for `{0}`; for the usual names that armid tries, both are possible.
     """
     for braces, first in (("{}", 1), ("{0}", 0)):
         if braces not in pattern:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import replace
+from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -73,7 +74,9 @@ def check(evidence: LogEvidence) -> list[Finding]:
     like such a law.
     """
     springs = evidence.explained(ANGLE)
-    return [*springs, *_of_single_joints(evidence, {name for each in springs for name in each.channel.split(", ")})]
+    channels = {each.channel for each in springs}
+    pairs = [pair for pair in permutations(evidence.robot.joint_names, 2) if ", ".join(pair) in channels]
+    return [*springs, *_of_single_joints(evidence, {name for pair in pairs for name in pair})]
 
 
 def explain(state: LogState) -> Explanation | None:
