@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
+from armid.maths.inertia import com_inertia_to_vector
 from armid.measurement.recording import Recording
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import RigidBody
@@ -53,7 +54,7 @@ def tool(s: Scene, share: float, robot: Robot | None = None) -> tuple[DynamicsMo
     mass = 20.0 * share if described is None else share * float(described[:, 0].sum())
     arm = DynamicsModel(robot or s.model.robot, (RigidBody(),))
     theta = np.zeros(len(arm.parameters))
-    theta[arm.inertial_columns[-10:][:4]] = mass * np.array([1.0, 0.0, 0.03, 0.1])
+    theta[arm.inertial_columns[-10:]] = com_inertia_to_vector(mass, np.array([0.0, 0.03, 0.1]), np.zeros((3, 3)))
     return arm, theta
 
 

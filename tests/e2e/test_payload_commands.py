@@ -241,6 +241,8 @@ def test_a_load_that_is_wrong_is_printed_but_not_written_for_controllers(
     assert exit_code == 2 and "mass" in out
     assert f"not written for a controller because of the finding {code}" in " ".join(err.split())
     assert [path.name for path in tmp_path.iterdir()] == ["payload.json"]
+    exit_code, out, err = armid("payload", "run", recording, "--to", "ur", "--json")
+    assert exit_code == 2 and code in json.loads(out)["controllers_refused"] and code in err
     exit_code, _, err = armid("payload", tmp_path / "payload.json", "--to", "ur")
     assert exit_code == 2 and code in err and len(list(tmp_path.iterdir())) == 1
 

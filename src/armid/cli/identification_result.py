@@ -105,7 +105,11 @@ def _expected_line(validation: Validation, units: Sequence[str]) -> str:
     parts = [f"above it on {', '.join(above)}"] if len(above) else []
     if len(below):
         parts.append(f"below it on {', '.join(below)}, where less has changed than between usual recordings")
-    return f"{line}; validation: {escape('; '.join(parts) or 'inside it on every joint')}"
+    known = np.isfinite(errors)
+    if not parts:
+        within = (~known | (errors >= expected.low)).all() and known.any(axis=0).all()
+        parts.append("inside it on every joint" if within else "not above it on any joint")
+    return f"{line}; validation: {escape('; '.join(parts))}"
 
 
 def _assumption(result: Result) -> str:

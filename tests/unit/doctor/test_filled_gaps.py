@@ -34,11 +34,21 @@ def told(case: Case, log: Recording) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize(("count", "rows"), [(12, 30), (4, 8), (20, 100)])
-def test_gaps_filled_by_straight_lines_are_named_and_left_out(count: int, rows: int):
+def test_gaps_filled_by_straight_lines_are_named(count: int, rows: int):
     case = sound(11, name="ur10e")
     starts = np.linspace(100, case.recording.samples - 200, count).astype(int)
     ((severity, evidence),) = told(case, filled(case.recording, starts, rows))
     assert severity == "warning" and f"In {count} stretches" in evidence
+
+
+def test_the_remedy_leaves_the_rows_out_and_ends_the_warning():
+    case = sound(11, name="ur10e")
+    log = filled(case.recording, np.linspace(100, case.recording.samples - 200, 12).astype(int), 30)
+    assert log.time is not None
+    valid = np.ones(log.q.shape, dtype=bool)
+    for start in np.linspace(100, case.recording.samples - 200, 12).astype(int):
+        valid[start - 1 : start + 31] = False  # as the lines of the remedy mark them
+    assert told(case, replace(log, valid=valid)) == []
 
 
 def test_one_short_gap_and_none_are_told_nothing():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,6 +42,17 @@ def test_a_base_that_sways_is_named(name: str, frequency: float, size: tuple[flo
     assert float(found.evidence.split(" at ")[1].split(" Hz")[0]) == pytest.approx(frequency, abs=0.03)
     listed = [float(x) for x in found.evidence.split("amplitude of (")[1].split(")")[0].split(",")]
     assert np.linalg.norm(listed) == pytest.approx(np.linalg.norm(size), rel=TOLERANCE)
+
+
+def test_the_memory_of_the_search_does_not_grow_with_a_step_of_the_clock():
+    """Two files of which one was made a year later: a grid over the time between them would need some 20 GB."""
+    case = sound(11, name="ur10e")
+    time = case.motion.time
+    case = swayed(case, np.outer(np.sin(2.0 * np.pi * 0.5 * time), (1.5, 0.0, 0.0)))
+    assert case.recording.time is not None
+    later = np.where(time > 0.7 * time[-1], 3.15e7, 0.0)
+    log = replace(case.recording, time=case.recording.time + later)
+    assert "clock-gap" in {f.code for f in diagnose_recording(case.robot, log, case.reading)}
 
 
 def test_a_base_that_stops_swaying_is_named():

@@ -140,7 +140,8 @@ def payload(
 def _estimated(found: Payload, to: Sequence[str], flange: str | None, out: Path | None, *, json: bool) -> None:
     """Write an estimated payload to `payload.json` and to files for controllers, if requested, and print it."""
     from armid.atomic_file import replace_file
-    from armid.cli.console import print_findings
+    from armid.cli.console import print_error, print_findings
+    from armid.cli.json_errors import BAD_INPUT
     from armid.errors import OutputError
     from armid.export.load.flange_load import load_at_flange
     from armid.export.load.write import write_load, written_record
@@ -156,7 +157,10 @@ def _estimated(found: Payload, to: Sequence[str], flange: str | None, out: Path 
             written = write_load(load_at_flange(found, flange), to, folder)
         except OutputError as unwritten:  # raised below, so that the estimate is not lost
             error = unwritten
-    text = to_json(payload_record(found) | ({"controllers": written_record(written)} if to else {})) + "\n"
+    more = {"controllers": written_record(written)} if to else {}
+    if error is not None:
+        more["controllers_refused"] = error.problem
+    text = to_json(payload_record(found) | more) + "\n"
     path = None if out is None else replace_file(out / "payload.json", text)
     if json:
         sys.stdout.write(text)
@@ -166,6 +170,9 @@ def _estimated(found: Payload, to: Sequence[str], flange: str | None, out: Path 
         sys.stdout.write(f"\nwritten to {path}\n")
     _report_written(written, json=json)
     print_findings([*found.findings, *refused, *(finding for each in written for finding in each.findings)])
+    if error is not None and json:  # standard output has its one JSON document already
+        print_error(error)
+        raise typer.Exit(BAD_INPUT)
     if error is not None:
         raise error
     if found.contradictions:

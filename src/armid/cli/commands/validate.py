@@ -94,6 +94,7 @@ def validate(
     reading = changed_reading(loaded.log_format, rate, torque_sign, columns, reading_lines, period, preset)
     check_files(out, page)
     validation, findings = validate_run(loaded, recordings, reading)
+    torque_verdict = validation.verdict
     simulate |= any(each is not None for each in (controller, out, page))
     rollout = roll_out(loaded, recordings, reading, window, tolerance, controller) if simulate else None
     written: list[Path] = []
@@ -110,10 +111,15 @@ def validate(
         _print(loaded, validation, rollout, written)
     print_findings(findings)
     if validation.verdict == "fail":
-        if not json and not contradictions(findings):
-            command = shlex.join(["armid", "recalibrate", run, *recordings])
-            sys.stdout.write(f"if the arm has changed since the run, {command} finds what has changed\n")
+        if torque_verdict == "fail" and not json and not contradictions(findings):
+            _advise_recalibration(run, recordings)
         raise typer.Exit(1)
+
+
+def _advise_recalibration(run: str, recordings: Sequence[str]) -> None:
+    """Print the command that finds what has changed since a run."""
+    command = shlex.join(["armid", "recalibrate", run, *recordings])
+    sys.stdout.write(f"if the arm has changed since the run, {command} (with the same options) finds the changes\n")
 
 
 def _print(run: Run, validation: Validation, rollout: RunRollout | None, written: Sequence[Path]) -> None:

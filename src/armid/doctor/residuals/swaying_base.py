@@ -26,6 +26,9 @@ HIGHEST = 0.8
 PEAKS, STEPS = 3, 9
 """Number of frequencies with the strongest residual that are fitted, and of those tried about the best one."""
 
+GAP = 2.0
+"""Step of the clock [s] from which a log is searched in parts, of which the longest counts as its length."""
+
 PADDED = 4
 """Length of the discrete Fourier transform, relative to that of the log."""
 
@@ -70,7 +73,7 @@ def explain(code: str, state: LogState) -> Explanation | None:
         state: The log.
     """
     strength = float(np.linalg.norm(state.model.robot.gravity))
-    whole = float(np.ptp(state.rows.motion.time))
+    whole = max(float(np.ptp(part)) for part in _parts(state.rows.motion.time))
     if state.rows.n < JOINTS or state.log.band.is_open or strength < NO_GRAVITY or whole <= 0.0:
         return None
     sway = _strongest(state, whole)
@@ -116,15 +119,24 @@ def _peaks(state: LogState, weights: Array, whole: float) -> list[float]:
     unit = 1.0 / fit.sigma**2
     along = np.einsum("amj,mj,j->ma", weights, fit.residual, unit)
     power = np.einsum("amj,mj,j->a", weights**2, rows.mask.astype(np.float64), unit)
-    place = np.round((rows.motion.time - rows.motion.time[0]) * rows.rate).astype(np.intp)
-    even = np.zeros((int(place.max()) + 1, 3))
-    np.add.at(even, place, along)
-    length = PADDED * len(even)
-    spectrum = np.abs(np.fft.rfft(even, length, axis=0)) ** 2 @ (1.0 / np.where(power > 0.0, power, np.inf))
+    length = PADDED * (round(whole * rows.rate) + 1)
+    squares, first = np.zeros((length // 2 + 1, 3)), 0
+    for part in _parts(rows.motion.time):
+        place = np.round((part - part[0]) * rows.rate).astype(np.intp)
+        even = np.zeros((int(place[-1]) + 1, 3))
+        np.add.at(even, place, along[first : first + len(part)])
+        squares += np.abs(np.fft.rfft(even, length, axis=0)) ** 2
+        first += len(part)
+    spectrum = squares @ (1.0 / np.where(power > 0.0, power, np.inf))
     frequencies = np.arange(len(spectrum)) * rows.rate / length
     spectrum[(frequencies < max(LOWEST, PERIODS / whole)) | (frequencies > HIGHEST * state.log.cutoff)] = 0.0
     peaks = np.flatnonzero((spectrum[1:-1] > spectrum[:-2]) & (spectrum[1:-1] >= spectrum[2:])) + 1
     return [float(frequencies[k]) for k in peaks[np.argsort(-spectrum[peaks])[:PEAKS]]]
+
+
+def _parts(time: Array) -> list[Array]:
+    """Time stamps of the parts of a log between long steps of its clock."""
+    return np.split(time, np.flatnonzero(np.diff(time) > GAP) + 1)
 
 
 def _fitted(state: LogState, added: AddedColumns, weights: Array, frequency: float) -> Sway:

@@ -7,6 +7,8 @@ says. Therefore the draws come from a wider distribution, such that the covarian
 estimate. Let S be the covariance of the replacements of a pilot sample, in coordinates in which the covariance of the
 estimate is the identity. The pilot sample is multiplied by a power of S⁻¹ and replaced again, in several passes. The
 mean of the replacements moves into the cone.
+The random numbers are standardised, so that their sample covariance is exact; the draws of one ensemble are therefore
+not quite independent.
 
 Of all bodies with these base parameters, those near the exported ones are taken: the bodies θ of a draw β minimise
 

@@ -339,7 +339,7 @@ def _expand(
 ) -> tuple[str, ...]:
     """Columns that match a pattern, in the order of their numbers.
 
-    The numbers must start at 1 for `{}` and at 0 for `{0}`; for the usual names that armid tries, both are possible.
+    The numbers start at 1 for `{}` and at 0 for `{0}`; usual names from 0 do not match and are guessed later.
     """
     for braces, first in (("{}", 1), ("{0}", 0)):
         if braces not in pattern:

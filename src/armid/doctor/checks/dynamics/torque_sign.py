@@ -68,7 +68,11 @@ SMOOTHED = 0.1
 def check(evidence: LogEvidence) -> list[Finding]:
     """Reports joints with a wrong sign of the torque, or whose torque has no sign, or lacks it in some rows."""
     lost = [] if evidence.recording is None else lost_signs(evidence.recording)
-    explained = [] if lost else evidence.explained(CODE)  # a sign that is missing in some rows looks like wrong ones
+    names = {evidence.robot.joint_names[each.joint] for each in lost}
+    # A sign that is missing in some rows looks like a wrong sign of the joint or of all joints.
+    explained = evidence.explained(CODE)
+    if lost:
+        explained = [each for each in explained if each.channel and each.channel not in names]
     return [*explained, *_without_sign(evidence), *(_lost(evidence, each) for each in lost)]
 
 

@@ -73,6 +73,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
     If the study has terms that the doctor's model lacks, nothing is reported, because what they explain would look
     like such a law.
     """
+    if evidence.corrected is not None and _has_further_terms(evidence, evidence.corrected):
+        return []
     springs = evidence.explained(ANGLE)
     channels = {each.channel for each in springs}
     pairs = [pair for pair in permutations(evidence.robot.joint_names, 2) if ", ".join(pair) in channels]
@@ -87,7 +89,7 @@ def explain(state: LogState) -> Explanation | None:
 def _of_single_joints(evidence: LogEvidence, known: Collection[str]) -> list[Finding]:
     """Reports each joint whose residual follows a law that the model does not have, except joints that are known."""
     state = evidence.corrected
-    if state is None or _has_further_terms(evidence, state):
+    if state is None:
         return []
     if state.log.band.is_open or not all(run.consecutive for run in state.log.runs):
         return []
@@ -97,10 +99,9 @@ def _of_single_joints(evidence: LogEvidence, known: Collection[str]) -> list[Fin
         if evidence.robot.joint_names[law.joint] in known:
             continue
         decrease = added.decrease_together(law.joint, law.columns)
-        if decrease > best.get(law.joint, (0.0, law))[0]:
+        if decrease > max(best.get(law.joint, (0.0, law))[0], _least(law)):
             best[law.joint] = decrease, law
-    strong = [(law, decrease) for decrease, law in best.values() if decrease > _least(law)]
-    found = [_finding(evidence, state, law, decrease) for law, decrease in strong]
+    found = [_finding(evidence, state, law, decrease) for decrease, law in best.values()]
     return [finding for finding in found if finding is not None]
 
 

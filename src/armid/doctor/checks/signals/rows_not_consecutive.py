@@ -52,12 +52,13 @@ REACH = 0.5
 
 ALIKE, STEEP = 1e-6, 1e-3
 """Largest difference of two slopes in succession that are the same, and smallest slope, relative to the root mean
-square of the slopes of the channel."""
+square of the slopes of the channel. So the lines are seen only in logs that keep all digits; where values are
+rounded, two slopes in succession differ less than their rounding in sound logs, too."""
 
 FILLED, LONG, LINES = 0.5, 3, 3
-"""Share of the positions, and of the torques, that follow straight lines at the same rows, number of equal slopes in
-succession, and number of such stretches, from which gaps were filled. In recordings of eight arms, no two slopes in
-succession are the same in half of the positions and half of the torques."""
+"""Share of the positions, and of the torques, that follow straight lines at the same rows, number of pairs of equal
+slopes in succession, and number of such stretches, from which gaps were filled. In recordings of eight arms, no two
+slopes in succession are the same in half of the positions and half of the torques."""
 
 LISTED = 3
 """Number of jumps whose times are listed."""
@@ -110,7 +111,9 @@ def _filled(recording: Recording, time: Array) -> NDArray[np.intp]:
     """First and last row of each stretch in which positions and torques follow straight lines, shape (k, 2)."""
     if recording.effort is None:
         return np.zeros((0, 2), dtype=np.intp)
+    usable: NDArray[np.bool_] = np.asarray(recording.valid.all(axis=1))
     straight = _straight(recording.q, time) & _straight(recording.effort, time)
+    straight &= usable[:-2] & usable[1:-1] & usable[2:]
     edges = np.flatnonzero(np.diff(np.concatenate([[0], straight.astype(np.int8), [0]]))).reshape(-1, 2)
     return edges[edges[:, 1] - edges[:, 0] >= LONG] + np.array([0, 1])
 

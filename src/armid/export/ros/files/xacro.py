@@ -25,6 +25,8 @@ NAMED = {
     "transmission": "name",
     "actuator": "name",
     "ros2_control": "name",
+    "sensor": "name",
+    "gpio": "name",
 }
 """Attributes with names that must differ where a file uses the macro twice, by tag."""
 
