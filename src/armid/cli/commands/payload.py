@@ -157,7 +157,7 @@ def _estimated(found: Payload, to: Sequence[str], flange: str | None, out: Path 
             written = write_load(load_at_flange(found, flange), to, folder)
         except OutputError as unwritten:  # raised below, so that the estimate is not lost
             error = unwritten
-    more = {"controllers": written_record(written)} if to else {}
+    more: dict[str, object] = {"controllers": written_record(written)} if to else {}
     if error is not None:
         more["controllers_refused"] = error.problem
     text = to_json(payload_record(found) | more) + "\n"
