@@ -12,7 +12,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.checked_array import Array
 from armid.doctor.rows_away_from_reversals import rows_near_reversals
 from armid.errors import ArmidError, EstimationError, Finding, StudyError
 from armid.estimation.estimate_record import EARLIER_RUN, Estimate, InputDigest
@@ -32,7 +31,7 @@ from armid.study.plausibility.recording_errors import contradicted
 from armid.study.recordings.processed import ProcessedRecording, joined_observations
 from armid.study.score_recordings import score_recordings
 from armid.threads import one_blas_thread
-from armid.validation.torque_validation import Score, validate
+from armid.validation.torque_validation import Score, mean_squares, validate
 
 Changed = Literal["friction", "tool", "all"]
 """Set of the parameters that may have changed: `friction` (friction and offsets), `tool` (friction, offsets and the
@@ -191,7 +190,7 @@ def _assumption_findings(new_recordings: NewRecordings, result: Result, changed:
         changed: Set of the parameters that were estimated again.
     """
     found: list[Finding] = []
-    new = np.sqrt(_mean_squares(result.training[: len(new_recordings.recordings)]))
+    new = np.sqrt(mean_squares(result.training[: len(new_recordings.recordings)]))
     seen = np.isfinite(new)
     before = float(np.linalg.norm(new_recordings.run.estimate.fit.residual_rms[seen]))
     error = float(np.linalg.norm(new[seen]))
@@ -328,17 +327,7 @@ def _effort_unit(run: Run) -> str:
 
 def _error(scores: Sequence[Score]) -> float:
     """Torque error [N·m or N]: root of the sum over joints of squared RMS errors, averaged over the recordings."""
-    return float(np.sqrt(np.nansum(_mean_squares(scores))))
-
-
-def _mean_squares(scores: Sequence[Score]) -> Array:
-    """Mean over the recordings of the squared RMS error of each joint, shape (n,) [(N·m)² or N²].
-
-    A joint may have no rows in a recording, which then does not count; the mean is NaN if it has none in any.
-    """
-    squares = np.array([score.rms**2 for score in scores])
-    count = np.isfinite(squares).sum(axis=0)
-    return np.where(count > 0, np.nansum(squares, axis=0) / np.maximum(count, 1), np.nan)
+    return float(np.sqrt(np.nansum(mean_squares(scores))))
 
 
 def _older_validation(error: float, earlier: float, new: float, unit: str) -> Finding:

@@ -288,6 +288,19 @@ def _of_known(function: Callable[[Array], Any], values: Array) -> Array:
     return np.array([float(function(column)) if len(column) else np.nan for column in columns])
 
 
+def mean_squares(scores: Sequence[Score]) -> Array:
+    """Mean over recordings of the squared RMS error of each joint, shape (n,) [(N·m)² or N²].
+
+    A joint may have no rows in a recording, which then does not count; the mean is NaN if it has none in any.
+
+    Args:
+        scores: Torque errors of at least one recording.
+    """
+    squares = np.array([each.rms**2 for each in scores])
+    count = np.isfinite(squares).sum(axis=0)
+    return np.where(count > 0, np.nansum(squares, axis=0) / np.maximum(count, 1), np.nan)
+
+
 def _rms(residual: Array) -> Array:
     """Root mean square of each column of residuals (N, n) without NaN values, shape (n,)."""
     return np.sqrt(_of_known(np.mean, residual**2))
