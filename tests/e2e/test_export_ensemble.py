@@ -13,12 +13,13 @@ from armid.errors import OutputError
 from armid.estimation.consistency.cones import smallest_eigenvalues
 from armid.estimation.estimate_record import collapse, torque_parameters
 from armid.estimation.problem import standard_of
-from armid.export.ensemble.draws import Draws, draw_bodies
+from armid.export.ensemble.draws import Draws, draw_arms
 from armid.export.ensemble.write import PARAMETERS, RECORD, export_ensemble
 from armid.model.motion import Motion
 from armid.robot import load_robot
 from armid.runs.run import Run, load_run
-from armid.validation.prediction_interval import parameter_covariance
+from armid.runs.validation_and_prediction import motion_of
+from armid.validation.prediction_interval import NORMAL, parameter_covariance, torque_band, torque_error_deviation
 from command_line import exit_code as armid
 from labs import STUDY, write_recordings, write_study
 
@@ -39,7 +40,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 @pytest.fixture(scope="module")
 def draws(run: Run) -> Draws:
-    return draw_bodies(run, centre_of(run), DRAWS, seed=1)
+    return draw_arms(run, centre_of(run), DRAWS, seed=1)
 
 
 def centre_of(run: Run) -> np.ndarray:
@@ -63,7 +64,7 @@ def test_the_torque_spreads_as_the_parameters_are_uncertain(run: Run, draws: Dra
 
 def test_the_torque_spreads_so_where_most_draws_lie_outside_the_cone(run: Run):
     uncertain = with_deviations(run, 20.0)
-    draws = draw_bodies(uncertain, centre_of(run), DRAWS, seed=1)
+    draws = draw_arms(uncertain, centre_of(run), DRAWS, seed=1)
     assert draws.replaced > 0.75
     spread, _ = spread_of(uncertain, draws)
     assert (np.abs(spread - 1.0) < SPREAD).all()
@@ -71,7 +72,7 @@ def test_the_torque_spreads_so_where_most_draws_lie_outside_the_cone(run: Run):
 
 def test_a_spread_that_the_cone_does_not_allow_is_stated(run: Run, tmp_path: Path):
     """Estimates with deviations of a hundred times are wider than the cone: the record says what was reached."""
-    draws = draw_bodies(with_deviations(run, 100.0), centre_of(run), 2, seed=1)
+    draws = draw_arms(with_deviations(run, 100.0), centre_of(run), 2, seed=1)
     assert draws.spread[0] < 0.9 or draws.spread[1] > 1.1
     assert 0.3 < draws.spread[0] and draws.spread[1] < 3.0  # not what passes that diverge would give
     export_ensemble(run, "urdf", 2, tmp_path / "arms")
@@ -100,6 +101,46 @@ def spread_of(run: Run, draws: Draws) -> tuple[np.ndarray, np.ndarray]:
     return np.sqrt(np.mean(spread**2, axis=0)) / size, np.sqrt(np.mean(shift**2, axis=0)) / size
 
 
+def test_the_torque_with_its_errors_spreads_as_the_prediction_interval_says(run: Run):
+    motion = unlike_training(run)
+    draws = draw_arms(run, centre_of(run), DRAWS, seed=1, motion=motion)
+    rows = run.model.regressor(motion)[:, :, run.estimate.base.kept]
+    torque = rows @ draws.base.T + draws.torque_error.T
+    half = torque_band(run.model, run.estimate, motion) / NORMAL
+    spread = np.sqrt(np.mean(np.var(torque, axis=2), axis=0) / np.mean(half**2, axis=0))
+    assert (np.abs(spread - 1.0) < SPREAD).all()
+
+
+def test_torque_errors_without_a_motion_are_those_of_the_training_motion(run: Run, draws: Draws):
+    """The motion of the training recording and the mean variances that the run keeps of it give the same size."""
+    motion, _ = motion_of(run, str(Path(run.folder).parent / "run1.csv"), rate=100.0, reading={})
+    kept = torque_error_deviation(run.model, run.estimate)
+    found = torque_error_deviation(run.model, run.estimate, motion)
+    np.testing.assert_allclose(found, kept, rtol=0.1)  # rows at rest are no training rows
+    count = max(DRAWS, 4 * len(run.estimate.fit.values))
+    np.testing.assert_allclose(np.std(draws.torque_error, axis=0), kept, rtol=4.0 / np.sqrt(2.0 * count))
+    # Farther from the training motion, the error of the model is larger.
+    assert (torque_error_deviation(run.model, run.estimate, unlike_training(run)) > found).all()
+
+
+def unlike_training(run: Run) -> Motion:
+    q, dq, ddq = np.random.default_rng(3).uniform(-1.5, 1.5, (3, 60, run.model.n))
+    return Motion(np.arange(60.0), 2.0 * q, dq, ddq)
+
+
+def test_the_motion_of_an_ensemble_is_an_option_of_the_command(
+    run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    call = ("export", run.folder, "--to", "urdf", "--out", tmp_path / "arms")
+    motion = Path(run.folder).parent / "run1.csv"
+    assert armid(*call, "--ensemble", 3, "--motion", motion) == 0
+    assert "torque_error in parameters.npz has an RMS of" in capsys.readouterr().out
+    with np.load(tmp_path / "arms" / PARAMETERS) as arrays:
+        assert arrays["torque_error"].shape == (3, run.model.n) and list(arrays["joints"]) == [*run.robot.joint_names]
+    assert armid(*call, "--motion", motion) == 2
+    assert "--ensemble N" in capsys.readouterr().err
+
+
 def test_draws_inside_the_cone_are_not_changed(run: Run, draws: Draws):
     """A draw is replaced only where no real bodies have it; the others have the base parameters that were drawn."""
     inside = draws.distance <= 0.01
@@ -108,7 +149,7 @@ def test_draws_inside_the_cone_are_not_changed(run: Run, draws: Draws):
 
 
 def test_the_seed_decides(run: Run):
-    one, same, other = (draw_bodies(run, centre_of(run), 3, seed=seed) for seed in (5, 5, 6))
+    one, same, other = (draw_arms(run, centre_of(run), 3, seed=seed) for seed in (5, 5, 6))
     np.testing.assert_array_equal(one.standard, same.standard)
     assert np.abs(one.standard - other.standard).max() > 0.0
 

@@ -11,12 +11,13 @@ taken as infinite. The degrees of freedom of the sum are computed as in [Sattert
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from armid.checked_array import Array
+from armid.errors import EstimationError
 from armid.estimation.estimate_record import Estimate
 from armid.estimation.fit_result import Fit
 from armid.estimation.uncertainty.prediction_error import with_model_error
@@ -48,13 +49,17 @@ def torque_band(model: DynamicsModel, estimate: Estimate, motion: Motion) -> Arr
         estimate: The estimate.
         motion: N samples, with hysteresis states if the model has any.
     """
-    widths = [np.zeros((0, model.n))]
+    widths = [band_of_rows(model, estimate, part) for part in _parts(motion)]
+    return np.concatenate([np.zeros((0, model.n)), *widths])
+
+
+def _parts(motion: Motion) -> Iterator[Observations]:
+    """Observations of `PART` samples at a time without a filter; the measured torque is zero."""
     for first in range(0, motion.samples, PART):
         part = motion[slice(first, first + PART)]
-        rows = np.ones((part.samples, model.n), dtype=np.bool_)
+        rows = np.ones(part.q.shape, dtype=np.bool_)
         run = ObservedRun(part, np.zeros(rows.shape), 1.0, 1, 0, rows, np.zeros(len(rows), dtype=np.int64))
-        widths.append(band_of_rows(model, estimate, Observations((run,), Band())))
-    return np.concatenate(widths)
+        yield Observations((run,), Band())
 
 
 def parameter_covariance(estimate: Estimate) -> Array:
@@ -90,16 +95,71 @@ def band_of_rows(model: DynamicsModel, estimate: Estimate, observations: Observa
     """
     fit, training = estimate.fit, estimate.prediction
     share, *by_change = _parameter_variances(model, estimate.base, _covariances(estimate), observations, every)
-    variance = explained = np.maximum(share + fit.noise**2, np.finfo(float).tiny)
-    factor = 1.0
+    variance = share + fit.noise**2
     if training is not None:
         positions = np.concatenate([run.motion.q[run.rows][::every] for run in observations.runs])
         variance = with_model_error(training, share, fit.noise, positions)
         for each in by_change:
             variance = variance + each + training.change.offset**2
-        factor = np.exp(training.log_factor) * scale_mixture_quantile(training.log_deviation) / NORMAL
+    return _half_width(estimate, share, variance)
+
+
+def torque_error_deviation(model: DynamicsModel, estimate: Estimate, motion: Motion | None = None) -> Array:
+    """Standard deviation of the torque error that the base parameters do not cause, shape (n,) [N·m or N].
+
+    The variance of a normal distribution with the 95 % interval of the prediction is the sum of the variance by the
+    covariance of the parameters (`parameter_covariance`), and of that by noise, model error and change of offsets.
+    The root of the second part is returned, as root mean square over the samples.
+
+    Args:
+        model: Arm and torque terms of the estimate.
+        estimate: The estimate.
+        motion: N samples of a motion; if not given, a motion like the training motion.
+
+    Raises:
+        EstimationError: The motion has no samples.
+    """
+    if motion is None:
+        return _torque_error_deviation_in_training(estimate)
+    if motion.samples == 0:
+        raise EstimationError(
+            "The error of the torque cannot be computed for a motion without samples.", remedy="give another motion."
+        )
+    covariances, variance = _covariances(estimate), np.zeros(model.n)
+    for part in _parts(motion):
+        whole = (band_of_rows(model, estimate, part) / NORMAL) ** 2
+        variance += np.sum(whole - sum(_parameter_variances(model, estimate.base, covariances, part, 1)), axis=0)
+    return np.sqrt(np.maximum(variance / motion.samples, 0.0))
+
+
+def _torque_error_deviation_in_training(estimate: Estimate) -> Array:
+    """`torque_error_deviation` for a motion like the training motion, from the mean variances of its rows, (n,)."""
+    fit, training = estimate.fit, estimate.prediction
+    if training is None:
+        return fit.noise
+    share, change = training.parameter_variance, training.change
+    by_change, by_offset = (change.variance, change.offset**2) if change.known else np.zeros((2, len(share)))
+    whole = (_half_width(estimate, share, share + fit.noise**2 + by_change) / NORMAL) ** 2
+    by_parameters = share + np.maximum(by_change - by_offset, 0.0)
+    return np.sqrt(np.maximum(whole - by_parameters, 0.0))
+
+
+def _half_width(estimate: Estimate, share: Array, variance: Array) -> Array:
+    """Half width of the 95 % prediction interval, shape of the variances [N·m or N].
+
+    Args:
+        estimate: The estimate.
+        share: Variance of the torque by the uncertainty of the parameters, last axis n.
+        variance: Variance of the torque error on another recording, before the lognormal factor, same shape.
+    """
+    fit, training = estimate.fit, estimate.prediction
+    explained = np.maximum(share + fit.noise**2, np.finfo(float).tiny)
     free = median(fit.freedom) * (explained / np.maximum(share, SMALLEST_SHARE * explained)) ** 2
-    return np.asarray(factor * student_quantile(free) * np.sqrt(variance), dtype=np.float64)
+    factor = 1.0
+    if training is not None:
+        factor = np.exp(training.log_factor) * scale_mixture_quantile(training.log_deviation) / NORMAL
+    size = np.sqrt(np.maximum(variance, np.finfo(float).tiny))
+    return np.asarray(factor * student_quantile(free) * size, dtype=np.float64)
 
 
 def _covariance_of_means(base: BaseParameters, fit: Fit) -> Array:

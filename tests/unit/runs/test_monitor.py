@@ -21,6 +21,7 @@ from armid.model.motion import Motion
 from armid.runs.monitoring.live_monitor import LiveMonitor
 from armid.runs.monitoring.monitor import Monitor, make_monitor, watch
 from armid.runs.monitoring.monitor_record import monitor_record, monitor_table
+from armid.runs.monitoring.motion_comparison import reversal_count
 from armid.runs.monitoring.observer import (
     OBSERVERS,
     LowPassStage,
@@ -32,8 +33,8 @@ from armid.runs.monitoring.thresholds import PROMISED
 from armid.runs.monitoring.unseen_residuals import external_torque_of, own_residuals
 from armid.runs.run import Run
 from armid.study.storage.records import to_json
-from plants import short_plan, smooth_arm
-from watched import RATE, moved, small_run
+from plants import short_plan, small_arm, smooth_arm
+from watched import RATE, SENSORS, moved, small_run
 
 PUSH = Push(joint=1, torque=6.0, start=5.0, seconds=0.3)
 
@@ -169,6 +170,7 @@ def test_the_promised_rate_is_kept_on_other_motion(monitor: Monitor):
     """Twenty minutes; with one deviation of the count for what is counted."""
     assert monitor.thresholds.promised and monitor.source == "reference"
     seen = [watch(monitor, moved(seed, 1)) for seed in range(300, 480)]
+    assert sum(bool(each.findings) for each in seen) <= 0.02 * len(seen)  # the motion is like the unseen motion
     hours = sum(each.seconds for each in seen) / 3600.0
     alarms, promised = sum(len(each.alarms) for each in seen), monitor.thresholds.rate * hours
     assert promised / PROMISED - np.sqrt(promised) <= alarms <= promised * PROMISED + np.sqrt(promised)
@@ -245,6 +247,23 @@ def test_what_was_not_watched_is_said(monitor: Monitor):
     assert finding.code == "partly-watched" and "joint_1" in finding.evidence
     with pytest.raises(ArmidError, match="cannot be watched"):
         watch(monitor, cut(log, 0.8, 0.2))
+
+
+def test_motion_unlike_the_unseen_motion_is_reported(monitor: Monitor):
+    """The rate of false alarms is promised for motion like the unseen one, not for four times the speed."""
+    options = LabOptions(mode="inverse-dynamics", repetitions=6, sensing=SENSORS)
+    fast = simulate(small_arm(), short_plan(31, 2.0), options, seed=31).recording
+    slow = simulate(small_arm(), short_plan(31, 16.0), replace(options, repetitions=1), seed=31).recording
+    (finding,) = watch(monitor, fast).findings
+    assert finding.code == "unlike-unseen-motion" and "speed" in finding.evidence and "reversals" in finding.evidence
+    assert not watch(monitor, slow).findings
+
+
+def test_reversals_are_counted_without_those_of_the_noise():
+    time = np.arange(0.0, 10.0, 0.01)
+    dq = np.cos(2.0 * np.pi * 0.5 * time) + np.random.default_rng(0).normal(0.0, 1e-3, len(time))
+    assert reversal_count(dq) == 10
+    assert reversal_count(np.random.default_rng(0).normal(0.0, 1e-3, 100)) == 0  # a joint at rest
 
 
 def test_wrong_requests_are_refused(run: Run, monitor: Monitor):

@@ -52,6 +52,9 @@ Lumped = Annotated[
         help="Give all mass of a link to its main body; bodies on fixed or locked joints are written without mass.",
     ),
 ]
+PLAN_RATE = 100.0
+"""Sampling rate of the plan of --motion [Hz], that of `armid predict`."""
+
 Unphysical = Annotated[bool, typer.Option("--allow-unphysical", help="Also write physically inconsistent links.")]
 Unidentified = Annotated[
     bool,
@@ -69,6 +72,14 @@ Ensemble = Annotated[
     ),
 ]
 Seed = Annotated[int, typer.Option("--seed", help="Seed of the draws of --ensemble.")]
+Along = Annotated[
+    str | None,
+    typer.Option(
+        "--motion",
+        metavar="RECORDING | PLAN",
+        help="Motion for which --ensemble draws torque errors; by default one like the training motion.",
+    ),
+]
 
 To = Annotated[
     str,
@@ -94,6 +105,7 @@ def export(
     allow_unidentified: Unidentified = False,
     ensemble: Ensemble = None,
     seed: Seed = 0,
+    motion: Along = None,
     json: Json = False,
 ) -> None:
     """Write the identified values into a copy of the robot description, or the model as source code, and check it.
@@ -115,6 +127,7 @@ def export(
         armid export runs/today --to mjcf --ensemble 100 --out arms
     """
     from armid.cli.motion.number_options import parse_limits
+    from armid.errors import OutputError
     from armid.export.ros.write import export_for_ros
     from armid.export.write import export_record, export_run
     from armid.runs.run import load_run
@@ -128,7 +141,12 @@ def export(
         "allow_unidentified": allow_unidentified,
     }
     if ensemble is not None:
-        return _ensemble(run, to, ensemble, out, seed, description, choices, json=json)
+        return _ensemble(run, to, ensemble, out, seed, motion, description, choices, json=json)
+    if motion is not None:
+        raise OutputError(
+            "--motion is the motion of --ensemble, which is missing.",
+            remedy="give --ensemble N too; armid predict writes the torque of one model along a motion.",
+        )
     if to in LANGUAGES:
         return _code(run, to, out, json=json)
     write = export_for_ros if to in ROS_FILES else export_run
@@ -145,16 +163,20 @@ def _ensemble(
     count: int,
     out: Path | None,
     seed: int,
+    motion: str | None,
     description: Path | None,
     choices: ExportChoices,
     *,
     json: bool,
 ) -> None:
     """Write `count` possible arms, drawn from the estimate; print the folder and the share of replaced draws."""
+    import numpy as np
+
     from armid.cli.console import print_findings, progress
     from armid.errors import OutputError
     from armid.export.ensemble.write import PARAMETERS, ensemble_record, export_ensemble
     from armid.runs.run import load_run
+    from armid.runs.validation_and_prediction import motion_of
     from armid.study.storage.records import to_json
 
     if to not in EXPORTERS:
@@ -164,18 +186,24 @@ def _ensemble(
             remedy="name one of these formats with --to.",
         )
     loaded = load_run(run)
+    along, found = (None, ()) if motion is None else motion_of(loaded, motion, rate=PLAN_RATE, reading={})
     with progress(quiet=json) as told:
-        made = export_ensemble(loaded, to, count, out, seed=seed, description=description, progress=told, **choices)
+        made = export_ensemble(
+            loaded, to, count, out, seed=seed, description=description, motion=along, progress=told, **choices
+        )
     if json:
         sys.stdout.write(to_json(ensemble_record(loaded, made)) + "\n")
         return
     low, high = made.draws.spread
+    errors = ", ".join(f"{each:.3g}" for each in np.sqrt(np.mean(made.draws.torque_error**2, axis=0)))
     sys.stdout.write(
         f"{len(made.files)} possible arms written to {made.folder}, their parameters to {PARAMETERS} there\n"
         f"  {made.draws.replaced:.0%} of the draws were no real bodies; the nearest ones are written\n"
         f"  the base parameters spread {low:.2f} to {high:.2f} times as far as the estimate says\n"
+        f"  torque_error in {PARAMETERS} has an RMS of {errors} N·m on the joints; add that of a draw to the torque of\n"
+        "  its joints in the simulation, so that the torque spreads as armid predict --band says\n"
     )
-    print_findings(made.findings)
+    print_findings([*found, *made.findings])
 
 
 def _code(run: str, to: str, out: Path | None, *, json: bool) -> None:

@@ -7,6 +7,9 @@ says. Therefore the draws come from a wider distribution, such that the covarian
 estimate. Let S be the covariance of the replacements of a pilot sample, in coordinates in which the covariance of the
 estimate is the identity. The pilot sample is multiplied by a power of S⁻¹ and replaced again, in several passes. The
 mean of the replacements moves into the cone.
+What the covariance of the parameters does not explain of the prediction interval (noise, model error, and the change
+of offsets) is drawn as a torque error, which is constant during a motion. The torque of the draws with these errors
+spreads as the prediction interval says.
 The random numbers are standardised, so that their sample covariance is exact; the draws of one ensemble are therefore
 not quite independent.
 
@@ -32,10 +35,11 @@ from armid.estimation.estimate_record import collapse
 from armid.estimation.problem import StandardParameters, standard_of
 from armid.export.standard_values import relative_change
 from armid.maths.conic_solver import Cone, solve_cones
+from armid.model.motion import Motion
 from armid.runs.run import Run
 from armid.study.progress import Progress, no_progress
 from armid.threads import one_blas_thread
-from armid.validation.prediction_interval import parameter_covariance
+from armid.validation.prediction_interval import parameter_covariance, torque_error_deviation
 
 NEARNESS = 1e-3
 """Weight ε: a relative change of all bodies by 1 counts as much as a thousandth of a standard deviation of a base
@@ -78,12 +82,15 @@ class Draws:
             deviations, shape (N,).
         spread: Smallest and largest standard deviation of a base parameter in the pilot sample, relative to that of
             the estimate, shape (2,).
+        torque_error: Torque error of each draw by noise, model error and change of offsets, the same during a whole
+            motion, shape (N, n) [N·m or N].
     """
 
     base: Array
     standard: Array
     distance: Array
     spread: Array
+    torque_error: Array
 
     @property
     def replaced(self) -> float:
@@ -92,7 +99,15 @@ class Draws:
 
 
 @one_blas_thread
-def draw_bodies(run: Run, centre: Array, count: int, seed: int = 0, *, progress: Progress = no_progress) -> Draws:
+def draw_arms(
+    run: Run,
+    centre: Array,
+    count: int,
+    seed: int = 0,
+    *,
+    motion: Motion | None = None,
+    progress: Progress = no_progress,
+) -> Draws:
     """Draws possible arms from the distribution of the estimate of a run.
 
     Args:
@@ -100,6 +115,7 @@ def draw_bodies(run: Run, centre: Array, count: int, seed: int = 0, *, progress:
         centre: Standard parameters that a single export writes, shape (p,).
         count: Number of draws.
         seed: Seed of the random numbers.
+        motion: Motion for which the torque errors are drawn; if not given, a motion like the training motion.
         progress: Function that is called with the text `ensemble` and the share of the draws that are done.
 
     Raises:
@@ -114,14 +130,15 @@ def draw_bodies(run: Run, centre: Array, count: int, seed: int = 0, *, progress:
     program = _Program(standard, centre, _whitening(covariance))
     random = np.random.default_rng(seed)
     pilot = _standardised(random, PILOT * len(values), len(values))
-    own = _standardised(random, max(count, len(pilot)), len(values))[:count]
+    deviation = torque_error_deviation(run.model, run.estimate, motion)
+    own = _standardised(random, max(count, len(pilot)), len(values) + len(deviation))[:count]
     total = MOST_PASSES * len(pilot) + count
     root, spread = _widened_root(program, values, covariance, pilot, lambda done: progress("ensemble", done / total))
-    drawn = values + own @ root.T
+    drawn = values + own[:, : len(values)] @ root.T
     bodies = program.all_nearest(drawn, lambda done: progress("ensemble", (total - count + done) / total))
     kept = bodies @ standard.regrouping.T
     distance = np.linalg.norm((kept - drawn) @ program.whitening.T, axis=1)
-    return Draws(kept, bodies, distance, spread)
+    return Draws(kept, bodies, distance, spread, own[:, len(values) :] * deviation)
 
 
 def _widened_root(

@@ -9,11 +9,12 @@ from typing import Any, Unpack
 import numpy as np
 
 from armid.errors import Finding
-from armid.export.ensemble.draws import Draws, draw_bodies
+from armid.export.ensemble.draws import Draws, draw_arms
 from armid.export.input_digest_check import Unseen, find_source
 from armid.export.preparation import ExportChoices, contents_of, prepare
 from armid.export.verification import verify
 from armid.export.write import default_path, exporter_of
+from armid.model.motion import Motion
 from armid.runs.run import Run
 from armid.study.progress import Progress, no_progress
 from armid.study.storage.array_files import write_archive
@@ -56,13 +57,15 @@ def export_ensemble(
     *,
     seed: int = 0,
     description: Path | str | None = None,
+    motion: Motion | None = None,
     progress: Progress = no_progress,
     **choices: Unpack[ExportChoices],
 ) -> ExportedEnsemble:
     """Writes robot descriptions of arms that are drawn from the distribution of the estimate of a run.
 
-    The folder also gets the parameters of all draws (`parameters.npz`: `base`, `standard`, `distance`, and the names)
-    and a record (`ensemble.json`). The file of the first draw is read back and compared with its parameters.
+    The folder also gets the parameters of all draws (`parameters.npz`: `base`, `standard`, `distance`,
+    `torque_error`, and the names) and a record (`ensemble.json`). The file of the first draw is read back and compared
+    with its parameters.
 
     Args:
         run: The run.
@@ -71,6 +74,7 @@ def export_ensemble(
         out: Folder; `None` for the folder `ensemble` in that of the run. An earlier ensemble there is replaced.
         seed: Seed of the random numbers.
         description: Path of the description of the run, if it was moved after the identification.
+        motion: Motion for which the torque errors are drawn; if not given, a motion like the training motion.
         progress: Function that is called with the text `ensemble` and the share of the draws that are done.
         choices: Choices of the content.
 
@@ -83,7 +87,7 @@ def export_ensemble(
     exporter, source = exporter_of(to), find_source(run, description)
     edits = source.format == to
     prepared = prepare(run, exporter, source, edits=edits, **choices)
-    draws = draw_bodies(run, prepared.theta, count, seed, progress=progress)
+    draws = draw_arms(run, prepared.theta, count, seed, motion=motion, progress=progress)
     name = default_path(run, source, exporter)
     digits = len(str(count - 1))
     files = tuple(f"{name.stem}_{k:0{digits}d}{name.suffix}" for k in range(count))
@@ -113,6 +117,7 @@ def ensemble_record(run: Run, exported: ExportedEnsemble) -> dict[str, Any]:
         "draws": len(exported.files),
         "replaced": exported.draws.replaced,
         "spread": exported.draws.spread.tolist(),
+        "torque_error_rms": np.sqrt(np.mean(exported.draws.torque_error**2, axis=0)),
         "files": exported.files,
         "findings": [finding_record(finding) for finding in exported.findings],
     }
@@ -124,6 +129,8 @@ def _arrays(run: Run, draws: Draws) -> dict[str, Any]:
         "base": draws.base,
         "standard": draws.standard,
         "distance": draws.distance,
+        "torque_error": draws.torque_error,
+        "joints": np.array(run.robot.joint_names),
         "base_names": np.array([str(name) for name in run.estimate.base.names]),
         "standard_names": np.array([str(parameter.name) for parameter in run.model.parameters]),
     }

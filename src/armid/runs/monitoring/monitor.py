@@ -20,6 +20,7 @@ from armid.maths.peaks_over_threshold import Tail
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
 from armid.runs.monitoring.cross_validated_rate import rate_excess, validated_thresholds
+from armid.runs.monitoring.motion_comparison import MotionLevel, motion_level, unlike_unseen_motion
 from armid.runs.monitoring.observer import SETTLED, Observed, ObserverOptions
 from armid.runs.monitoring.thresholds import PROMISED, Thresholds, alarm_rows, find_thresholds, usable_seconds
 from armid.runs.monitoring.tip_wrench import TipWrench, tip_wrench
@@ -67,6 +68,7 @@ class Monitor:
         thresholds: The thresholds.
         tails: Tail of the distribution of each joint's scaled residual; `None` if the unseen motion is too short.
         source: Source of the unseen motion: `reference`, `recordings` or `parts`.
+        level: Speed, torque change and reversals of the unseen motion.
         velocity: True if recorded velocities are an input of the observer.
         findings: Findings about the thresholds.
     """
@@ -77,6 +79,7 @@ class Monitor:
     thresholds: Thresholds
     tails: tuple[Tail | None, ...]
     source: str
+    level: MotionLevel
     velocity: bool = False
     findings: tuple[Finding, ...] = ()
 
@@ -117,7 +120,8 @@ class Watched:
         thresholds: Thresholds along each part, shape (N, n) each [N·m or N].
         alarms: Alarms in the order of time.
         seconds: Total time in which alarms were possible [s].
-        findings: Findings about joints and times for which alarms were not possible.
+        findings: Findings about joints and times for which alarms were not possible, and about motion unlike the
+            unseen motion.
     """
 
     parts: tuple[Observed, ...]
@@ -195,7 +199,7 @@ def make_monitor(
     found, tails = validated_thresholds(parts, friction, wanted, excess)
     findings = (*unseen.findings, *_findings(found, unseen, asked=false_alarms))
     velocity = all(part.velocity for part in parts)
-    return Monitor(run, options, rate, found, tails, unseen.source, velocity, findings)
+    return Monitor(run, options, rate, found, tails, unseen.source, motion_level(parts), velocity, findings)
 
 
 def dry_friction(run: Run, parts: Sequence[Observed]) -> Array:
@@ -237,7 +241,11 @@ def watch(monitor: Monitor, recording: Recording) -> Watched:
     parts = external_torque_of(monitor.run, monitor.options, recording, velocity=monitor.velocity)
     for part in parts:
         require_rate(monitor.rate, part.rate, f"Samples of {recording.source or 'the recording'}")
-    findings = _unwatched(monitor, parts, recording)
+    where = recording.source or "The recording"
+    findings = (
+        *_unwatched(monitor, parts, where),
+        *unlike_unseen_motion(monitor.level, motion_level(parts), monitor.run.robot.joint_names, where),
+    )
     thresholds = tuple(monitor.thresholds.along(part) for part in parts)
     alarms = [
         alarm for part, along in zip(parts, thresholds, strict=True) for alarm in find_alarms(monitor, part, along)
@@ -245,7 +253,7 @@ def watch(monitor: Monitor, recording: Recording) -> Watched:
     return Watched(parts, thresholds, tuple(alarms), usable_seconds(parts), findings)
 
 
-def _unwatched(monitor: Monitor, parts: Sequence[Observed], recording: Recording) -> tuple[Finding, ...]:
+def _unwatched(monitor: Monitor, parts: Sequence[Observed], where: str) -> tuple[Finding, ...]:
     """Finding about joints on which alarms were not possible during a part of a recording; empty if there are none.
 
     Raises:
@@ -253,7 +261,6 @@ def _unwatched(monitor: Monitor, parts: Sequence[Observed], recording: Recording
     """
     rows = sum(len(part.time) for part in parts)
     counts = np.sum([part.usable.sum(axis=0) for part in parts], axis=0) if parts else np.zeros(monitor.run.robot.n)
-    where = recording.source or "The recording"
     if not counts.any():
         raise ArmidError(
             f"{where} cannot be watched: after the start and after each gap, the observer settles for {SETTLED:g} s, "
