@@ -19,7 +19,7 @@ from armid.model.motion import Motion
 from armid.runs.new_recordings import check_new_recordings
 from armid.runs.run import Run, format_of_new_recording
 from armid.study.config import RecordingChoice
-from armid.study.plans.plan_reading import motion_of_plan
+from armid.study.plans.plan_reading import motion_of_plan, other_joints_of_plan
 from armid.study.plausibility.recording_errors import contradicted
 from armid.study.recordings.processed import judged_without_memory, process_each
 from armid.study.recordings.reading import read_choice
@@ -67,7 +67,7 @@ def validate_run(
 
 
 def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -> tuple[Motion, tuple[Finding, ...]]:
-    """Motion of a plan, of a file for a controller, or of a recording, and the findings about a recording.
+    """Motion of a plan, of a file for a controller, or of a recording, and the findings about it.
 
     A recording is processed with the options of the run.
 
@@ -82,7 +82,7 @@ def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -
     """
     planned = motion_of_plan(path, run.robot, rate)
     if planned is not None:
-        return planned, ()
+        return planned, other_joints_of_plan(path, run.robot)
     how = format_of_new_recording(run, reading)
     raw = load_recording(path, how, run.robot)
     if raw.effort is None:  # only the motion is needed

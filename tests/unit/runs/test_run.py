@@ -322,6 +322,17 @@ def test_the_motion_of_plans_and_recordings(saved: Path, folder: Path, tmp_path:
         motion_of(run, "nowhere.json", rate=40.0, reading={})
 
 
+def test_a_plan_for_joints_with_other_names_is_reported(saved: Path, tmp_path: Path):
+    run = load_run(saved)
+    path = save_plan(small_plan(3), tmp_path / "plan.json")
+    record = json.loads(path.read_text())
+    path.write_text(json.dumps(record | {"joints": ["shoulder", "elbow", "wrist"]}))
+    _, (finding,) = motion_of(run, str(path), rate=40.0, reading={})
+    assert finding.code == "plan-of-other-joints" and "shoulder, elbow, wrist" in finding.evidence
+    path.write_text(json.dumps(record | {"joints": run.robot.joint_names}))
+    assert motion_of(run, str(path), rate=40.0, reading={})[1] == ()
+
+
 def test_a_motion_needs_no_torque_and_no_row_is_too_slow_for_it(saved: Path, tmp_path: Path):
     recording = small_recording(2)
     assert recording.time is not None

@@ -200,8 +200,8 @@ def _ensemble(
         f"{len(made.files)} possible arms written to {made.folder}, their parameters to {PARAMETERS} there\n"
         f"  {made.draws.replaced:.0%} of the draws were no real bodies; the nearest ones are written\n"
         f"  the base parameters spread {low:.2f} to {high:.2f} times as far as the estimate says\n"
-        f"  torque_error in {PARAMETERS} has an RMS of {errors} N·m on the joints; add that of a draw to the torque of\n"
-        "  its joints in the simulation, so that the torque spreads as armid predict --band says\n"
+        f"  torque_error in {PARAMETERS} has an RMS of {errors} N·m on the joints; add that of a draw to the\n"
+        "  torques in the simulation, so that they spread as armid predict --band says\n"
     )
     print_findings([*found, *made.findings])
 

@@ -64,8 +64,8 @@ def export_ensemble(
     """Writes robot descriptions of arms that are drawn from the distribution of the estimate of a run.
 
     The folder also gets the parameters of all draws (`parameters.npz`: `base`, `standard`, `distance`,
-    `torque_error`, and the names) and a record (`ensemble.json`). The file of the first draw is read back and compared
-    with its parameters.
+    `torque_error`, and the names) and a record (`ensemble.json`). The file of the first draw is read back, and its
+    values are compared with the parameters.
 
     Args:
         run: The run.

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from armid.errors import ArmidError
+from armid.errors import ArmidError, Finding
 from armid.excitation.formats import FORMATS
 from armid.excitation.fourier import PLAN_FILE, Excitation, load_plan
 from armid.excitation.limits.joint_limits import Limits
@@ -64,6 +64,32 @@ def motion_of_plan(name: str, robot: Robot, rate: float) -> Motion | None:
             f"{name} moves {motion.n} joints, but {robot.name} has {robot.n}.", remedy="give a plan for this arm."
         )
     return motion
+
+
+def other_joints_of_plan(name: str, robot: Robot) -> tuple[Finding, ...]:
+    """Finding that a plan was designed for joints with other names than those of the arm; empty if it was not.
+
+    Args:
+        name: A built-in plan, a `plan.json`, a folder with one, or a motion file.
+        robot: The arm.
+    """
+    path = Path(name) / PLAN_FILE if Path(name).is_dir() else Path(name)
+    if name in PLANS or path.suffix != Path(PLAN_FILE).suffix:
+        return ()
+    record: Any = json.loads(path.read_text(encoding="utf-8"))
+    joints = tuple(str(each) for each in record.get("joints", ()))
+    if not joints or joints == robot.joint_names:
+        return ()
+    return (
+        Finding(
+            "plan-of-other-joints",
+            "warning",
+            "",
+            f"{name} was designed for the joints {', '.join(joints)}, but those of {robot.name} are "
+            f"{', '.join(robot.joint_names)}. The positions are taken in the order of the joints.",
+            "if the plan is for another arm, give one for this arm; if only the names differ, nothing is to be done.",
+        ),
+    )
 
 
 def _motion_of_format(path: Path, robot: Robot) -> Motion | None:
