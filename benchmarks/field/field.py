@@ -22,6 +22,7 @@ import time
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -38,17 +39,17 @@ from armid.estimation.catalogue import Estimator
 from armid.estimation.estimate_record import Estimate
 from armid.estimation.estimators import PhysicallyConsistent, WeightedLeastSquares
 from armid.estimation.friction.selection import choose_friction
-from armid.estimation.friction_per_recording import offset_names, separate_by_recording
 from armid.estimation.problem import build_problem
 from armid.estimation.run_estimator import estimate
 from armid.information.hysteresis_states import without_creep
 from armid.information.residuals import compare
 from armid.measurement.observations import Observations
-from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.study.config import AUTOMATIC_METHOD, EstimationChoice, Study, build_estimator, load_study
+from armid.study.recordings.left_out import with_left_out
 from armid.study.selection_prior_options import as_chosen
 from armid.validation.torque_validation import predict_recording, score
+from bands import separated
 from corruption_kinds import KINDS
 
 SEGMENTS = 5
@@ -134,13 +135,12 @@ def armid(
 ) -> Answer:
     """Answer of an estimator of armid."""
     began = time.process_time()
-    base = find_base_parameters(model)
-    problem = build_problem(model, training, base=base)
-    if apart:
-        own = np.isin(problem.information.names, offset_names(model))
-        problem = replace(problem, information=separate_by_recording(problem.information, own))
-    found = Estimate(model.robot.name, method.name, (), base, estimate(problem, method))
+    problem = build_problem(model, training)
+    assert problem.base is not None
+    own = partial(separated, model, apart)
+    first = Estimate(model.robot.name, method.name, (), problem.base, estimate(own(problem), method))
     seconds = time.process_time() - began
+    found, _ = with_left_out(first, problem, own, method)
     prediction = predict_recording(model, found, unseen)
     scored = score(model, found, unseen, prediction=prediction)
     residual = np.concatenate([part.residual for part in prediction.runs])

@@ -50,10 +50,10 @@ SMALL_RANGE = 0.1
 """Range [rad or m] that is added to the training range of a joint before a distance is divided by it, because a joint
 that stood still in training has no range."""
 
-BETWEEN_ARMS = 0.25
+BETWEEN_ARMS = 0.2
 """Standard deviation between arms of the mean logarithm of the factor (RMS error divided by its predicted standard
-deviation), used before any recording of the arm was left out. Over the eight arms, the means had a standard deviation
-of 0.2, and were up to 0.5 for arms whose single training recording had another speed."""
+deviation), used before any recording of the arm was left out; measured over the eight arms. Means of up to 0.5 occurred
+for arms whose single training recording had another speed."""
 
 BETWEEN_RECORDINGS = 0.25
 """Standard deviation, between the recordings of one arm, of the mean logarithm of the factor; measured values are
