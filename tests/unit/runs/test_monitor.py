@@ -256,6 +256,8 @@ def test_motion_unlike_the_unseen_motion_is_reported(monitor: Monitor):
     slow = simulate(small_arm(), short_plan(31, 16.0), replace(options, repetitions=1), seed=31).recording
     (finding,) = watch(monitor, fast).findings
     assert finding.code == "unlike-unseen-motion" and "speed" in finding.evidence and "reversals" in finding.evidence
+    record = monitor_record(monitor, [("fast.csv", watch(monitor, fast))])
+    assert [each["code"] for each in record["recordings"][0]["findings"]] == ["unlike-unseen-motion"]
     assert not watch(monitor, slow).findings
 
 

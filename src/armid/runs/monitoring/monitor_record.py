@@ -11,6 +11,7 @@ import numpy as np
 
 from armid.runs.monitoring.monitor import NO_SAFETY, Alarm, Monitor, Watched
 from armid.runs.monitoring.tip_wrench import NAMES, TipWrench
+from armid.study.storage.records import finding_record
 
 
 def monitor_record(monitor: Monitor, watched: Sequence[tuple[str, Watched]]) -> dict[str, Any]:
@@ -42,9 +43,15 @@ def monitor_record(monitor: Monitor, watched: Sequence[tuple[str, Watched]]) -> 
             for j, (name, unit) in enumerate(zip(joints, units, strict=True))
         ],
         "recordings": [
-            {"path": path, "seconds": each.seconds, "alarms": [_alarm_record(alarm) for alarm in each.alarms]}
+            {
+                "path": path,
+                "seconds": each.seconds,
+                "alarms": [_alarm_record(alarm) for alarm in each.alarms],
+                "findings": [finding_record(finding) for finding in each.findings],
+            }
             for path, each in watched
         ],
+        "findings": [finding_record(finding) for finding in monitor.findings],
     }
 
 
