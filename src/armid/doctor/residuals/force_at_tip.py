@@ -46,7 +46,7 @@ arms, whole and in halves, it is at most 0.24. A hand that holds the flange with
 to 1.9, foam that is pressed with 20 % of it 0.1 to 1.0."""
 
 
-class _Nodes:
+class Nodes:
     """Linear interpolation between B values that are `STEP` apart in time; times without rows have no values."""
 
     def __init__(self, time: Array) -> None:
@@ -100,7 +100,7 @@ class _Equations:
     """
 
     unit: Array
-    nodes: _Nodes
+    nodes: Nodes
     matrix: Array
     sides: Array
     rows: int
@@ -108,7 +108,7 @@ class _Equations:
     @classmethod
     def of(cls, state: LogState, added_columns: AddedColumns, unit: Array) -> _Equations:
         """Equations of a force with the given torques (3, M, n) of unit forces."""
-        rows, fit, inverse, nodes = state.rows, state.fit, added_columns.inverse, _Nodes(state.rows.motion.time)
+        rows, fit, inverse, nodes = state.rows, state.fit, added_columns.inverse, Nodes(state.rows.motion.time)
         e = 3 * nodes.count
         beside, along, sides = np.zeros((rows.count, e)), np.zeros((rows.n, rows.count)), np.zeros((rows.n, e))
         weight = rows.mask / fit.sigma
