@@ -21,8 +21,8 @@ ONE, SEVERAL = 6.0, 2.3
 """Smallest ratio of a jump to the largest other step, for one jump and for the smallest of several. In the recordings
 of eight arms, whole and in halves, it is up to 2.48 for one jump and 1.46 for several, where the joint moves on."""
 
-SMALLEST = 0.1
-"""Smallest jump, relative to the standard deviation of the torque."""
+SMALLEST, SMALLEST_COMMON = 0.1, 0.05
+"""Smallest jump of one torque, and of torques that jump together, relative to the torque's standard deviation."""
 
 STAYS = 0.6
 """Smallest share of a jump by which the level of the torque has changed `NEAR` rows later. A spike returns."""
@@ -95,7 +95,8 @@ def common_jumps(recording: Recording) -> NDArray[np.intp]:
     size = np.abs(step_excess(torque))
     size[~regular_steps(recording) | _accelerations_step(recording)] = 0.0
     usual = np.quantile(size, USUAL, axis=0)
-    relative = np.where(moving_on(recording), size / np.where(usual > 0.0, usual, np.inf), 0.0)
+    large = moving_on(recording) & (size > SMALLEST_COMMON * np.std(torque, axis=0))
+    relative = np.where(large, size / np.where(usual > 0.0, usual, np.inf), 0.0)
     common = np.sort(relative, axis=1)[:, -int(np.ceil(TOGETHER * recording.n))]
     rows = largest_apart(common, max(count for count, _ in COMMON))
     if not any(len(rows) >= count and common[rows[count - 1]] > ratio for count, ratio in COMMON):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +71,7 @@ class Cause:
 
     Attributes:
         code: Code of the finding.
+        severity: Its severity.
         text: What the residual follows, in words.
         remedy: Remedy.
         columns: Values of the functions, shape (k, M).
@@ -77,6 +79,7 @@ class Cause:
     """
 
     code: str
+    severity: Literal["warning"]
     text: str
     remedy: str
     columns: Array
@@ -101,7 +104,7 @@ def findings(state: LogState, left_out: NDArray[np.bool_]) -> list[Finding]:
             continue
         cause, trial = best
         text = f"{_size(state, j)} It follows {cause.text}. {trial}"
-        found.append(Finding(cause.code, "warning", robot.joint_names[j], text, cause.remedy))
+        found.append(Finding(cause.code, cause.severity, robot.joint_names[j], text, cause.remedy))
     if unknown:
         why = "It follows" if len(unknown) == 1 else "They follow"
         text = f"{' '.join(_size(state, j) for j in unknown)} {why} nothing that the doctor knows."
@@ -189,25 +192,27 @@ def _causes(state: LogState, j: int) -> Iterator[Cause]:
         if k == j:
             continue
         other, of = rows.torque[:, k], f"the torque of {names[k]}"
-        yield Cause("cross-talk", of, WIRING, other[None])
-        yield Cause("cross-talk", f"{of}, with its angle", WIRING, other * np.stack([one, *turn[:2]]), MODULATED)
+        yield Cause("cross-talk", "warning", of, WIRING, other[None])
+        yield Cause(
+            "cross-talk", "warning", f"{of}, with its angle", WIRING, other * np.stack([one, *turn[:2]]), MODULATED
+        )
         both = np.vstack([other * time, torque * time])
-        yield Cause("changes-midway", f"{of} in a part of the log", PARTS, both, MODULATED)
-    yield Cause("residual-by-angle", "its angle", SPRING, angle)
-    yield Cause("residual-by-angle", "its angle, as friction", SPRING, sense * angle)
-    yield Cause("residual-by-angle", "its torque, with its angle", SENSOR, torque * turn)
+        yield Cause("changes-midway", "warning", f"{of} in a part of the log", PARTS, both, MODULATED)
+    yield Cause("residual-by-angle", "warning", "its angle", SPRING, angle)
+    yield Cause("residual-by-angle", "warning", "its angle, as friction", SPRING, sense * angle)
+    yield Cause("residual-by-angle", "warning", "its torque, with its angle", SENSOR, torque * turn)
     laws = np.stack([dq * np.abs(dq), np.sign(dq) * np.sqrt(np.abs(dq)), np.abs(dq), np.abs(sense), *(sense * slow)])
-    yield Cause("friction-missing", "its velocity", FRICTION, laws)
-    yield Cause("friction-missing", "its torque, as friction", FRICTION, (sense * np.abs(torque))[None])
+    yield Cause("friction-missing", "warning", "its velocity", FRICTION, laws)
+    yield Cause("friction-missing", "warning", "its torque, as friction", FRICTION, (sense * np.abs(torque))[None])
     deviation = max(float(torque.std()), np.finfo(float).tiny)
     amounts = np.stack([np.abs(torque), np.tanh(10.0 * torque / deviation), torque * np.abs(torque), torque])
-    yield Cause("torque-gain", "the amount of its torque", SENSOR, amounts)
-    yield Cause("torque-gain", "its torque, with its speed", SENSOR, torque * slow)
-    yield Cause("changes-midway", "the time, as an offset", PARTS, time)
-    yield Cause("changes-midway", "its torque, with the time", PARTS, torque * time)
-    yield Cause("changes-midway", "its friction, with the time", PARTS, sense * time)
+    yield Cause("torque-gain", "warning", "the amount of its torque", SENSOR, amounts)
+    yield Cause("torque-gain", "warning", "its torque, with its speed", SENSOR, torque * slow)
+    yield Cause("changes-midway", "warning", "the time, as an offset", PARTS, time)
+    yield Cause("changes-midway", "warning", "its torque, with the time", PARTS, torque * time)
+    yield Cause("changes-midway", "warning", "its friction, with the time", PARTS, sense * time)
     late = [np.gradient(torque) * rows.rate, *(_lagged(torque, rows, seconds) for seconds in LAGS)]
-    yield Cause("joint-delay", "its torque at earlier times", LATE, np.stack(late))
+    yield Cause("joint-delay", "warning", "its torque at earlier times", LATE, np.stack(late))
 
 
 def _knots(x: Array, count: int) -> Array:

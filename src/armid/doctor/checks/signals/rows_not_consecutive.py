@@ -17,7 +17,7 @@ from armid.errors import Finding
 from armid.measurement.recording import Recording
 from armid.measurement.remedy_builders import excluding
 
-CODE = "rows-not-consecutive"
+CODE, CONTACT = "rows-not-consecutive", "contact"
 
 LOST = (1.6, 6.0)
 """Smallest and largest ratio of a step of the positions to the steps beside it, from which one to five rows count as
@@ -78,13 +78,14 @@ def check(evidence: LogEvidence) -> list[Finding]:
         return []
     filled = _filled(recording, time)
     bridged = [_bridged(evidence, time, filled)] if len(filled) >= LINES else []
-    return [*bridged, *(_out_of_order(evidence, time) or _torques_out_of_order(recording, time))]
+    return [*bridged, *(_out_of_order(evidence, time) or _torques_out_of_order(evidence, time))]
 
 
-def _torques_out_of_order(recording: Recording, time: Array) -> list[Finding]:
-    """Reports torques that do not follow each other in time, although the positions do."""
-    rows = common_jumps(recording)
-    if not len(rows):
+def _torques_out_of_order(evidence: LogEvidence, time: Array) -> list[Finding]:
+    """Reports torques that do not follow each other in time although the positions do, and no contact explains it."""
+    assert evidence.recording is not None
+    rows = common_jumps(evidence.recording)
+    if not len(rows) or any(each.code == CONTACT for each in evidence.explanations):
         return []
     return [
         Finding(
