@@ -32,10 +32,8 @@ def wandering(case: Case) -> Array:
 
 def felt(case: Case, force: Array) -> Array:
     """Torques (N, n) of a force (N, 3) at the tip [N·m]."""
-    return sum(
-        (felt_at_tip(case.robot, case.motion.q, axis) * force[:, [k]] for k, axis in enumerate(np.eye(3))),
-        start=np.zeros_like(case.torque),
-    )
+    each = [felt_at_tip(case.robot, case.motion.q, axis) * force[:, [k]] for k, axis in enumerate(np.eye(3))]
+    return np.sum(each, axis=0)
 
 
 def pulled(case: Case, force: Array) -> Case:
