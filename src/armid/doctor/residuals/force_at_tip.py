@@ -156,7 +156,7 @@ def explain(code: str, state: LogState) -> Explanation | None:
     rows = state.rows
     if rows.n < JOINTS or state.log.band.is_open or len(rows.motion.time) < 2:
         return None
-    moving = state.without((np.abs(rows.motion.dq) < SLOW).all(axis=1))
+    moving = state.without(np.abs(rows.motion.dq).max(axis=1) < SLOW)
     if float(moving.rows.mask.mean()) < MOVING:
         return None
     found = _at_best_point(moving)
