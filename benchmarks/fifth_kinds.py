@@ -199,7 +199,12 @@ def field_too_many(s: Scene) -> Recording:
 
 FIFTH: tuple[Kind, ...] = (
     Kind("fifth", "loose belt with play", belt_with_play, (*LATE, *LAW), True),
-    Kind("fifth", "stiff grease in all gears", added(stiff_grease, whole=True), (*LAW, "recordings-disagree")),
+    Kind(
+        "fifth",
+        "stiff grease in all gears",
+        added(stiff_grease, whole=True),
+        (*LAW, "friction-rise", "recordings-disagree"),
+    ),
     Kind("fifth", "loose tool swings", tool_swings, ("contact", "recordings-disagree", "mass-far-from-description")),
     Kind("fifth", "tip presses foam", foam, ("contact", *LAW)),
     Kind("fifth", "base rocks on loose bolts", base_rocks, ("gravity-direction", "contact", *LAW)),

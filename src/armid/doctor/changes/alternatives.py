@@ -141,9 +141,15 @@ def _payload(state: LogState) -> Array:
     return np.stack([to_base[parameters].T @ x for parameters, x in each], axis=-1)
 
 
-def weights_by_axis(state: LogState) -> Array:
-    """Torque of the fitted links for a unit of gravity along each axis of the base, shape (3, M, n)."""
-    bodies = state.standard(state.fit.values)[state.model.inertial_columns].reshape(-1, 10)
+def weights_by_axis(state: LogState, bodies: Array | None = None) -> Array:
+    """Torque of bodies for a unit of gravity along each axis of the base, shape (3, M, n).
+
+    Args:
+        state: The log.
+        bodies: Inertial parameters of the bodies, shape (n, 10); if not given, those of the fitted links.
+    """
+    if bodies is None:
+        bodies = state.standard(state.fit.values)[state.model.inertial_columns].reshape(-1, 10)
     trees = [DynamicsModel(state.model.robot.with_gravity(tuple(axis)), state.model.terms).tree for axis in np.eye(3)]
 
     def weights(run: ObservedRun) -> Array:

@@ -21,8 +21,8 @@ ONE, SEVERAL = 6.0, 2.3
 """Smallest ratio of a jump to the largest other step, for one jump and for the smallest of several. In the recordings
 of eight arms, whole and in halves, it is up to 2.48 for one jump and 1.46 for several, where the joint moves on."""
 
-SMALLEST = 0.1
-"""Smallest jump, relative to the standard deviation of the torque."""
+SMALLEST, SMALLEST_COMMON = 0.1, 0.05
+"""Smallest jump of one torque, and of torques that jump together, relative to the torque's standard deviation."""
 
 STAYS = 0.6
 """Smallest share of a jump by which the level of the torque has changed `NEAR` rows later. A spike returns."""
@@ -39,6 +39,21 @@ that the step of the friction at a reversal is found that far from it."""
 
 FEWEST = 200
 """Smallest number of rows of a log that is examined."""
+
+TOGETHER, JOINTS = 0.5, 4
+"""Share of the torques that must step at the same row, and smallest number of joints."""
+
+USUAL = 0.9
+"""Quantile of the steps of a torque with which steps at the same row are compared."""
+
+SMOOTH, STEEP = 0.03, 4.0
+"""Time over which accelerations before and after a step are compared [s], and ratio of the squared change of all
+joints together to that four such times aside, from which accelerations step: then the torques may step, too."""
+
+COMMON = ((3, 3.5), (6, 2.9))
+"""Number of common jumps, and smallest ratio of each to the usual steps. In recordings of eight arms, whole and in
+halves, the third one is at most 2.4 and the sixth at most 2.0. Swapped packets give 3.7 and 3.0 on an arm with noisy
+currents, 5.9 and 2.8 at 1 kHz, and hundreds on others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +83,47 @@ def torque_jumps(recording: Recording) -> list[TorqueJump]:
     return [found for found in each if found is not None]
 
 
+def common_jumps(recording: Recording) -> NDArray[np.intp]:
+    """Last row before each step that most torques take together while the motion is smooth; none if they are few.
+
+    Joints that move on take no such steps: friction reverses on one joint after the other, a load is picked up once,
+    and where all joints start, stop or change their accelerations together, the positions show it.
+    """
+    torque = recording.effort
+    if torque is None or recording.consecutive is False or len(torque) < FEWEST or recording.n < JOINTS:
+        return np.zeros(0, dtype=np.intp)
+    size = np.abs(step_excess(torque))
+    size[~regular_steps(recording) | _accelerations_step(recording)] = 0.0
+    usual = np.quantile(size, USUAL, axis=0)
+    large = moving_on(recording) & (size > SMALLEST_COMMON * np.std(torque, axis=0))
+    relative = np.where(large, size / np.where(usual > 0.0, usual, np.inf), 0.0)
+    common = np.sort(relative, axis=1)[:, -int(np.ceil(TOGETHER * recording.n))]
+    rows = largest_apart(common, max(count for count, _ in COMMON))
+    if not any(len(rows) >= count and common[rows[count - 1]] > ratio for count, ratio in COMMON):
+        return np.zeros(0, dtype=np.intp)
+    return np.sort(rows[common[rows] > min(ratio for _, ratio in COMMON)])
+
+
+def _accelerations_step(recording: Recording) -> NDArray[np.bool_]:
+    """Mask of the steps of a recording at which the accelerations of the joints step together, shape (N - 1,)."""
+    q, reach = recording.q, max(2, round(SMOOTH * _rate(recording)))
+    second = q[2 * reach :] - 2.0 * q[reach:-reach] + q[: -2 * reach]
+    change = second[2 * reach :] - second[: -2 * reach]
+    power = np.zeros(len(q) - 1)
+    if len(change):
+        size = np.mean(change**2, axis=0)
+        relative = np.mean(change**2 / np.where(size > 0.0, size, np.inf), axis=1)
+        power[2 * reach : 2 * reach + len(relative)] = relative[: len(power) - 2 * reach]
+    aside = 0.5 * (np.roll(power, 4 * reach) + np.roll(power, -4 * reach))
+    step = (power > STEEP * aside) & (power > 1.0)
+    return np.any([np.roll(step, shift) for shift in range(-NEAR, NEAR + 1)], axis=0)
+
+
+def _rate(recording: Recording) -> float:
+    """Rows in a second; 0 if unknown."""
+    return (recording.rate or 0.0) if recording.time is None else 1.0 / float(median(np.diff(recording.time)))
+
+
 def moving_on(recording: Recording, around: float = AROUND) -> NDArray[np.bool_]:
     """Mask of the steps around which a joint neither rests nor reverses, shape (N - 1, n).
 
@@ -78,8 +134,7 @@ def moving_on(recording: Recording, around: float = AROUND) -> NDArray[np.bool_]
     steps = np.diff(recording.q, axis=0)
     speed = np.sqrt(np.mean(steps**2, axis=0))
     rows = len(steps)
-    rate = recording.rate if recording.time is None else 1.0 / float(median(np.diff(recording.time)))
-    far = max(NEAR, round(around * (rate or 0.0)))
+    far = max(NEAR, round(around * _rate(recording)))
     moving = np.ones_like(steps, dtype=np.bool_)
     for shift in (-far, -far // 2, -NEAR, NEAR, far // 2, far):
         other = steps[np.clip(np.arange(rows) + shift, 0, rows - 1)]

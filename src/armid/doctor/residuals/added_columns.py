@@ -31,7 +31,7 @@ class AddedColumns:
     state: LogState
 
     @cached_property
-    def _inverse(self) -> Array:
+    def inverse(self) -> Array:
         """Inverse of the weighted normal matrix of the base parameters, shape (b, b)."""
         rows, sigma = self.state.rows, self.state.fit.sigma
         total = np.zeros((rows.count, rows.count))
@@ -50,7 +50,7 @@ class AddedColumns:
         added = columns * mask
         beside = (rows.columns[j] * mask) @ added.T
         whole = added @ added.T
-        left = whole - beside.T @ self._inverse[np.ix_(parameters, parameters)] @ beside
+        left = whole - beside.T @ self.inverse[np.ix_(parameters, parameters)] @ beside
         along = added @ (fit.residual[:, j] / fit.sigma[j])
         inverse = np.linalg.pinv(left + RIDGE * np.diag(whole.diagonal()), hermitian=True)
         return float(along @ inverse @ along) / max(int(rows.mask[:, j].sum()), 1)
@@ -73,7 +73,7 @@ class AddedColumns:
             beside[rows.parameters[j]] += (rows.columns[j] * mask) @ added.T
             whole += added @ added.T
             along += added @ (fit.residual[:, j] / fit.sigma[j])
-        left = whole - beside.T @ self._inverse @ beside
+        left = whole - beside.T @ self.inverse @ beside
         values = np.linalg.pinv(left + RIDGE * np.diag(whole.diagonal()), hermitian=True) @ along
         return float(along @ values) / max(float(rows.mask.sum()) / rows.n, 1.0), np.asarray(values)
 
@@ -96,9 +96,9 @@ class AddedColumns:
         along = [x @ (fit.residual[:, k] / fit.sigma[k]) for k, x in zip(joints, added, strict=True)]
         (a, b), (p, q) = beside, (rows.parameters[k] for k in joints)
         power = [np.sum(x * x, axis=1) for x in added]
-        first = np.maximum(power[0] - np.sum(a * (self._inverse[np.ix_(p, p)] @ a), axis=0), LEFT * power[0])
-        second = np.maximum(power[1] - np.sum(b * (self._inverse[np.ix_(q, q)] @ b), axis=0), LEFT * power[1])
-        mixed = -np.sum(a * (self._inverse[np.ix_(p, q)] @ b), axis=0)
+        first = np.maximum(power[0] - np.sum(a * (self.inverse[np.ix_(p, p)] @ a), axis=0), LEFT * power[0])
+        second = np.maximum(power[1] - np.sum(b * (self.inverse[np.ix_(q, q)] @ b), axis=0), LEFT * power[1])
+        mixed = -np.sum(a * (self.inverse[np.ix_(p, q)] @ b), axis=0)
         determinant = first * second - mixed**2
         determinant = np.where(determinant > RIDGE * first * second, determinant, np.inf)
         gained = along[0] ** 2 * second - 2.0 * along[0] * along[1] * mixed + along[1] ** 2 * first
@@ -123,7 +123,7 @@ class AddedColumns:
         added = np.asarray(columns) * mask
         beside = (rows.columns[j] * mask) @ added.T
         power = np.sum(added * added, axis=1)
-        inverse = self._inverse[np.ix_(parameters, parameters)]
+        inverse = self.inverse[np.ix_(parameters, parameters)]
         left = power - np.sum(beside * (inverse @ beside), axis=0)
         along = added @ (fit.residual[:, j] / fit.sigma[j])
         left = np.where(left > RIDGE * power, left, np.inf)

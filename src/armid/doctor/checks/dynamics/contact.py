@@ -1,4 +1,4 @@
-"""Check for contact of the arm with its surroundings, detected by short times of a large residual (bursts).
+"""Check for contact of the arm with its surroundings: bursts of the residual, or a force at the tip.
 
 A push also biases the fit, which makes the burst smaller. The strongest bursts are therefore left out one by one. A
 burst is reported if it exceeds the residual of a model that was fitted to the other rows.
@@ -13,6 +13,7 @@ from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.fitted_log import LogState
+from armid.doctor.residuals import force_at_tip
 from armid.errors import Finding
 from armid.measurement.remedy_builders import excluding
 
@@ -43,15 +44,20 @@ LONGEST = 0.25
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports a contact if the residual is large on several joints for a short time."""
+    """Reports a contact if the residual is large on several joints for a short time, or is that of a force."""
     return evidence.explained(CODE)
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explains the misfit of the model by contact: bursts of the residual, and the log without them.
+    """Explains the misfit of the model by contact: by bursts of the residual, or by a force at the tip.
 
-    The result is `None` if there are no bursts.
+    The result is `None` if there is neither. Rows with bursts are left out, as the force is not known there.
     """
+    return _explained_by_bursts(state) or force_at_tip.explain(CODE, state)
+
+
+def _explained_by_bursts(state: LogState) -> Explanation | None:
+    """Explains the misfit of the model by bursts of the residual, and the log without them; `None` without bursts."""
     if state.log.band.is_open:
         return None
     time, run = state.rows.motion.time, state.rows.run

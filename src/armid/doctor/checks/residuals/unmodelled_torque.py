@@ -21,7 +21,7 @@ from armid.doctor.checks.dynamics.rotor_inertia_missing import term_names
 from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import QuickRows, solve
 from armid.doctor.remedy_trial import try_remedy
-from armid.doctor.residuals import spring_over_two_joints
+from armid.doctor.residuals import large_residual, spring_over_two_joints
 from armid.doctor.residuals.added_columns import AddedColumns
 from armid.doctor.residuals.local_laws import local_laws
 from armid.doctor.residuals.missing_law import ANGLE, FRICTION, MissingLaw
@@ -78,7 +78,9 @@ def check(evidence: LogEvidence) -> list[Finding]:
     springs = evidence.explained(ANGLE)
     channels = {each.channel for each in springs}
     pairs = [pair for pair in permutations(evidence.robot.joint_names, 2) if ", ".join(pair) in channels]
-    return [*springs, *_of_single_joints(evidence, {name for pair in pairs for name in pair})]
+    known = {name for pair in pairs for name in pair}
+    single = _of_single_joints(evidence, known)
+    return [*springs, *single, *_of_large_residuals(evidence, known | {each.channel for each in single})]
 
 
 def explain(state: LogState) -> Explanation | None:
@@ -103,6 +105,14 @@ def _of_single_joints(evidence: LogEvidence, known: Collection[str]) -> list[Fin
             best[law.joint] = decrease, law
     found = [_finding(evidence, state, law, decrease) for decrease, law in best.values()]
     return [finding for finding in found if finding is not None]
+
+
+def _of_large_residuals(evidence: LogEvidence, known: Collection[str]) -> list[Finding]:
+    """Reports joints whose residual is larger than what models of sound arms leave, except joints that are known."""
+    state = evidence.corrected
+    if state is None or state.log.band.is_open or not all(run.consecutive for run in state.log.runs):
+        return []
+    return large_residual.findings(state, np.array([name in known for name in evidence.robot.joint_names]))
 
 
 def _has_further_terms(evidence: LogEvidence, state: LogState) -> bool:
@@ -226,6 +236,8 @@ CHECK = LogCheck(
         FRICTION: "The friction that the model lacks biases the other parameters, and predictions are wrong by this "
         "torque.",
         ANGLE: "The torque that the model lacks is attributed to the weight of the links.",
+        large_residual.CODE: "What the model lacks biases all parameters of these joints, and of the links that they "
+        "carry.",
     },
     explain=explain,
     follows=("channel-dead", "velocity-mismatch", "motor-side", "torque-unit", "degrees"),

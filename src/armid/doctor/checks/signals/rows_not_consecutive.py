@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
+from armid.doctor.changes.torque_jumps import common_jumps
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
 from armid.errors import Finding
 from armid.measurement.recording import Recording
 from armid.measurement.remedy_builders import excluding
 
-CODE = "rows-not-consecutive"
+CODE, CONTACT = "rows-not-consecutive", "contact"
 
 LOST = (1.6, 6.0)
 """Smallest and largest ratio of a step of the positions to the steps beside it, from which one to five rows count as
@@ -76,7 +77,26 @@ def check(evidence: LogEvidence) -> list[Finding]:
     if not (steps > 0.0).all():
         return []
     filled = _filled(recording, time)
-    return [*([_bridged(evidence, time, filled)] if len(filled) >= LINES else []), *_out_of_order(evidence, time)]
+    bridged = [_bridged(evidence, time, filled)] if len(filled) >= LINES else []
+    return [*bridged, *(_out_of_order(evidence, time) or _torques_out_of_order(evidence, time))]
+
+
+def _torques_out_of_order(evidence: LogEvidence, time: Array) -> list[Finding]:
+    """Reports torques that do not follow each other in time although the positions do, and no contact explains it."""
+    assert evidence.recording is not None
+    rows = common_jumps(evidence.recording)
+    if not len(rows) or any(each.code == CONTACT for each in evidence.explanations):
+        return []
+    return [
+        Finding(
+            CODE,
+            "warning",
+            "effort",
+            f"Most torques jump at the same rows while the joints move on, at t = {_listed(time, rows)}: the "
+            "torques before and after do not follow each other in time, or the logger changed all of them there.",
+            "log torques and positions in one message, or merge them by the times at which they were measured",
+        )
+    ]
 
 
 def _out_of_order(evidence: LogEvidence, time: Array) -> list[Finding]:
