@@ -5,8 +5,8 @@
 For each study of the real arms, N arms are drawn from the estimate. The standard deviation of their torque on the
 validation motion, or on the training motion where there is none, is compared for each joint with the part of
 `predict --band` that comes from parameters (`ratio`, of which the smallest and the largest are printed). With the
-torque errors of the draws, it is compared with the whole band divided by 1.96 (`with error`). `lowest` is the smallest
-eigenvalue of a pseudo-inertia of any draw.
+torque errors of the draws, it is compared with the whole band divided by 1.96 (`with error`). `lowest` is the
+smallest eigenvalue of a pseudo-inertia of any draw.
 """
 
 from __future__ import annotations

@@ -52,8 +52,8 @@ that stood still in training has no range."""
 
 BETWEEN_ARMS = 0.2
 """Standard deviation between arms of the mean logarithm of the factor (RMS error divided by its predicted standard
-deviation), used before any recording of the arm was left out; measured over the eight arms. Means of up to 0.5 occurred
-for arms whose single training recording had another speed."""
+deviation), used before any recording of the arm was left out; measured over the eight arms. The largest means, up to
+0.5, were those of arms whose single training recording had another speed."""
 
 BETWEEN_RECORDINGS = 0.25
 """Standard deviation, between the recordings of one arm, of the mean logarithm of the factor; measured values are
