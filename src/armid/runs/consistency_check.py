@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,6 +14,7 @@ from armid.checked_array import Array
 from armid.errors import ArmidError, Finding, ModelError, did_you_mean
 from armid.estimation.estimate_record import collapse
 from armid.estimation.standard_parameter_resolution import StandardFit
+from armid.input_boundary import read_json
 from armid.maths.inertia import com_inertia_to_vector, pseudo_inertia, vector_to_com_inertia
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
@@ -114,11 +114,8 @@ def read_values(path: Path | str) -> dict[str, float]:
     Raises:
         ArmidError: The file is missing or is not a JSON object of numbers.
     """
-    try:
-        values = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ArmidError(f"{path} cannot be read: {error}.", remedy="give a JSON object {name: value}.") from error
-    if not isinstance(values, dict) or not values:
+    values = read_json(path, "a JSON object of parameters", remedy="give a JSON object {name: value}.")
+    if not values:
         raise ArmidError(f"{path} is not a JSON object of parameters.", remedy='write {"ZZR_1": 0.05, …}.')
     for name, value in values.items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):

@@ -5,7 +5,6 @@ The records are made from a result in memory or read from the folder of a run, w
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from armid.checked_array import Array
-from armid.errors import ArmidError
 from armid.estimation.friction.selection import SelectionEvidence
 from armid.estimation.uncertainty.prediction_error import ExpectedError
+from armid.input_boundary import boundary, read_json
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.parameter_name import ParameterName
@@ -67,18 +66,13 @@ def read_records(run: Run) -> RunRecords:
     """
     study, validation = _read(run, "study"), _read(run, "validation")
     friction, methods = (_read(run, name) if _path(run, name).is_file() else None for name in ("friction", "compare"))
-    try:
+    with boundary("records of a run of this version of armid", run.folder, remedy="identify again."):
         return RunRecords(
             _study(study),
             _validation(validation),
             None if friction is None else _selection(friction),
             None if methods is None else _methods(methods),
         )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise ArmidError(
-            f"A record of {run.folder} is damaged or of another version ({type(error).__name__}: {error}).",
-            remedy="identify again.",
-        ) from error
 
 
 def trained_and_validated(run: Run, study: Study) -> list[tuple[RecordingChoice, str]]:
@@ -91,14 +85,7 @@ def _path(run: Run, name: str) -> Path:
 
 
 def _read(run: Run, name: str) -> dict[str, Any]:
-    path = _path(run, name)
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ArmidError(f"{path} cannot be read: {error}.", remedy="identify again.") from error
-    if not isinstance(record, dict):
-        raise ArmidError(f"{path} does not contain a record of a run.", remedy="identify again.")
-    return record
+    return read_json(_path(run, name), "a record of a run", remedy="identify again.")
 
 
 def _study(record: Mapping[str, Any]) -> Study:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.doctor.rows_away_from_reversals import rows_near_reversals
-from armid.errors import ArmidError, EstimationError, Finding, StudyError
+from armid.errors import EstimationError, Finding, StudyError
 from armid.estimation.estimate_record import EARLIER_RUN, Estimate, InputDigest
 from armid.estimation.update.parameter_change import ParameterChange
 from armid.estimation.update.recalibration import recalibrate_fit
@@ -21,6 +20,7 @@ from armid.estimation.whitened_system import minimum_norm_solution
 from armid.hashes import digest, sha256_of_file
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, stack, total
+from armid.input_boundary import boundary, read_json
 from armid.runs.new_recordings import NewRecordings, link_columns, load_new_recordings
 from armid.runs.run import Run
 from armid.study.config import EstimationChoice, RecordingChoice, Study, parse_robot, resolve_model
@@ -165,8 +165,8 @@ def _result(
 def _study(run: Run) -> Study:
     """Study of the earlier run, in which the folder of the run replaces the recordings."""
     path = Path(run.folder) / "study.json"
-    try:
-        record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    record = read_json(path, "the study of a run", remedy="identify again.")
+    with boundary("the study of a run", path, remedy="identify again."):
         return Study(
             parse_robot(record["robot"]),
             resolve_model(run.model),
@@ -175,10 +175,6 @@ def _study(run: Run) -> Study:
             EstimationChoice(**record["estimation"]),
             record["folder"],
         )
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ArmidError(
-            f"{path} is damaged or of another version ({type(error).__name__}: {error}).", remedy="identify again."
-        ) from error
 
 
 def _assumption_findings(new_recordings: NewRecordings, result: Result, changed: Changed) -> list[Finding]:
