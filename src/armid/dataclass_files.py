@@ -12,6 +12,7 @@ import json
 import math
 import types
 import typing
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -128,8 +129,10 @@ def _unpack(kind: Any, value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
     if origin is tuple:
         kinds = arguments[:1] * len(value) if arguments[-1] is Ellipsis else arguments
         return tuple(_unpack(k, v, arrays) for k, v in zip(kinds, value, strict=True))
-    if origin is dict:
+    if origin in (dict, Mapping):
         return {key: _unpack(arguments[1], item, arrays) for key, item in value.items()}
+    if origin is Sequence and not isinstance(value, list):
+        raise TypeError(f"{str(value)[:40]!r} stands in place of a list")
     return _plain(kind, origin, value)
 
 

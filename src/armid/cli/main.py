@@ -15,6 +15,7 @@ from io import TextIOWrapper
 from typing import Annotated, Any
 
 import typer
+from numpy.linalg import LinAlgError
 
 from armid.cli.command_list import COMMANDS
 from armid.cli.folder_overview import next_step
@@ -30,7 +31,7 @@ from armid.cli.last_handler import (
 from armid.cli.motion.excite import INTERRUPTED
 from armid.cli.remedy_hints import hint
 from armid.errors import ArmidError
-from armid.input_boundary import LIMITS, VARIABLE, allow, is_failure, parsed_limits
+from armid.input_boundary import LIMITS, VARIABLE, allow, is_failure, parsed_limits, reason
 from armid.threads import keep_freed_memory, prefer_one_thread
 
 
@@ -39,7 +40,10 @@ class _StoppedError(Exception):
 
 
 def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
-    """Wraps a command, so that Ctrl-C raises an exception that `main` handles, and remedies name its options."""
+    """Wraps a command, so that Ctrl-C raises an exception that `main` handles, and remedies name its options.
+
+    Failures of computations, such as those on values of 1e300, become errors of armid.
+    """
 
     @wraps(command)
     def run(**options: Any) -> None:
@@ -50,6 +54,12 @@ def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
             raise
         except KeyboardInterrupt:
             raise _StoppedError from None
+        except (ArithmeticError, MemoryError, LinAlgError) as error:
+            raise ArmidError(
+                f"A computation of armid {command.__name__} failed ({reason(error)}).",
+                remedy="check the values of the recording, the description and the options; armid doctor examines a "
+                "recording.",
+            ) from error
 
     return run
 

@@ -43,7 +43,7 @@ from armid.study.storage.records import (
 MARKER = "estimate.json"
 
 RUN, RUN_RECORD = "a run of this version of armid", "a record of a run of this version of armid"
-"""What the folder of a run and its files are, for messages."""
+"""Names of the folder of a run and of its records, for messages."""
 
 FORMAT = 1
 """Number of the format of the folder of a run, stored in `model.json`. A run without this number has format 1."""

@@ -1,4 +1,4 @@
-"""What happens after an error that nothing expected: one line, a file with the trace, an exit code of its own."""
+"""An error that nothing expected gives one line, a file with the trace, and an exit code of its own."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 
 PLAN, REMEDY = "a plan", "give a plan.json that armid excite has written, or design the plan again."
-"""What a file of a plan is, and what to do if it is damaged."""
+"""Name of a file of a plan, and remedy if it is damaged, for messages."""
 
 
 def is_plan(name: str) -> bool:
