@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from armid.atomic_file import replace_file
 from armid.errors import ArmidError
-from armid.input_boundary import ErrorKind, boundary, within_unpacked
+from armid.input_boundary import MadeError, boundary, within_unpacked
 from armid.text_stored_value import TextValue
 
 T = TypeVar("T")
@@ -67,7 +67,7 @@ def load(kind: type[T], path: Path | str) -> T:
         return _unpack(kind, value, arrays)
 
 
-def refuse_large_archive(archive: np.lib.npyio.NpzFile, path: Path | str, error: ErrorKind = ArmidError) -> None:
+def refuse_large_archive(archive: np.lib.npyio.NpzFile, path: Path | str, error: MadeError = ArmidError) -> None:
     """Raises an error if the arrays of a NumPy archive are much larger than the file.
 
     Args:

@@ -63,7 +63,7 @@ ALWAYS_UNPACKED = 64e6
 _allowed: ContextVar[Mapping[str, float]] = ContextVar("_allowed", default=MappingProxyType({}))
 
 
-class ErrorKind(Protocol):
+class MadeError(Protocol):
     """Class of the errors that a reader raises."""
 
     def __call__(self, problem: str, *, possible: str = "", remedy: str = "") -> ArmidError:
@@ -116,7 +116,7 @@ def limit(name: str) -> float:
     return given[name] if name in given else parsed_limits(os.environ.get(VARIABLE, "")).get(name, LIMITS[name].most)
 
 
-def within(name: str, found: float, where: str, error: ErrorKind = ArmidError) -> None:
+def within(name: str, found: float, where: str, error: MadeError = ArmidError) -> None:
     """Raises an error if a size exceeds its limit; to be called before memory for it is allocated.
 
     Args:
@@ -135,7 +135,7 @@ def within(name: str, found: float, where: str, error: ErrorKind = ArmidError) -
     )
 
 
-def within_unpacked(size: float, path: Path | str, error: ErrorKind = ArmidError) -> None:
+def within_unpacked(size: float, path: Path | str, error: MadeError = ArmidError) -> None:
     """Raises an error if the content of a compressed file is much larger than the file.
 
     Args:
@@ -178,7 +178,7 @@ def is_failure(fault: BaseException) -> bool:
 
 @contextmanager
 def boundary(
-    what: str, path: Path | str, error: ErrorKind = ArmidError, *, possible: str = "", remedy: str = ""
+    what: str, path: Path | str, error: MadeError = ArmidError, *, possible: str = "", remedy: str = ""
 ) -> Generator[None]:
     """Context in which every failure becomes an error that names the file; errors of armid are left as they are.
 
@@ -201,7 +201,7 @@ def boundary(
         ) from fault
 
 
-def read_text(path: Path | str, what: str, error: ErrorKind = ArmidError, *, remedy: str = "") -> str:
+def read_text(path: Path | str, what: str, error: MadeError = ArmidError, *, remedy: str = "") -> str:
     """Text of a file in UTF-8.
 
     Args:
@@ -220,7 +220,7 @@ def read_text(path: Path | str, what: str, error: ErrorKind = ArmidError, *, rem
         return path.read_text(encoding="utf-8")
 
 
-def read_json(path: Path | str, what: str, error: ErrorKind = ArmidError, *, remedy: str = "") -> dict[str, Any]:
+def read_json(path: Path | str, what: str, error: MadeError = ArmidError, *, remedy: str = "") -> dict[str, Any]:
     """Object of a JSON file; the arguments are those of `read_text`."""
     text = read_text(path, what, error, remedy=remedy)
     with boundary(what, path, error, remedy=remedy):
@@ -230,12 +230,12 @@ def read_json(path: Path | str, what: str, error: ErrorKind = ArmidError, *, rem
         return record
 
 
-def read_toml(path: Path | str, what: str, error: ErrorKind = ArmidError, *, remedy: str = "") -> dict[str, Any]:
+def read_toml(path: Path | str, what: str, error: MadeError = ArmidError, *, remedy: str = "") -> dict[str, Any]:
     """Tables of a TOML file; the arguments are those of `read_text`."""
     return parse_toml(read_text(path, what, error, remedy=remedy), path, error)
 
 
-def parse_toml(text: str, source: Path | str, error: ErrorKind = ArmidError) -> dict[str, Any]:
+def parse_toml(text: str, source: Path | str, error: MadeError = ArmidError) -> dict[str, Any]:
     """Tables of a TOML text; failures of the parser become one error.
 
     Args:
