@@ -18,11 +18,12 @@ import traceback
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from zlib import crc32
 
 import numpy as np
-from kinds import KINDS, Command, Kind
+from kinds import KINDS, Command
 
 SECONDS = 30.0
 """CPU time after which a command counts as hung."""
@@ -89,7 +90,6 @@ def attempts(
         every: True if all commands that read the kind are run, false for one of them, chosen by the seed.
     """
     kind = KINDS[name]
-    expected = _estimates(clean, kind)
     gc.freeze()  # else the first collection in each process copies all memory
     for seed in seeds:
         with tempfile.TemporaryDirectory() as place:
@@ -101,7 +101,7 @@ def attempts(
             failed = False
             chosen = kind.commands if every else kind.commands[seed % len(kind.commands) :][:1]
             for command in chosen:
-                outcome, detail = _attempt(command, folder, expected)
+                outcome, detail = _attempt(name, command, folder, clean)
                 failed |= outcome in FAILURES
                 yield Outcome(name, seed, command[0], outcome, detail)
             if failed and keep is not None:
@@ -121,11 +121,10 @@ def _keep(clean: Path, folder: Path, to: Path) -> None:
             shutil.copy(path, to / path.relative_to(folder))
 
 
-def _estimates(clean: Path, kind: Kind) -> Answer | None:
-    """Answer of the identification to the clean input; `None` if no command of the kind gives one."""
-    command = next((each for each in kind.commands if "--json" in each), None)
-    if command is None:
-        return None
+@cache
+def _answer(name: str, clean: Path) -> Answer:
+    """Answer of the identification to the clean input of a kind."""
+    command = next(each for each in KINDS[name].commands if "--json" in each)
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "in"
         shutil.copytree(clean, folder)
@@ -135,7 +134,7 @@ def _estimates(clean: Path, kind: Kind) -> Answer | None:
         return Answer(_values(out), frozenset(_codes(err)))
 
 
-def _attempt(command: Command, folder: Path, expected: Answer | None) -> tuple[str, str]:
+def _attempt(name: str, command: Command, folder: Path, clean: Path) -> tuple[str, str]:
     """Outcome and detail of a command in a folder."""
     options = folder / "options.json"
     if options.is_file():
@@ -151,8 +150,8 @@ def _attempt(command: Command, folder: Path, expected: Answer | None) -> tuple[s
         return "traceback", err.strip().splitlines()[-1] if err.strip() else "?"
     if status not in (0, 1):
         return ("refused", "") if err.strip() or out.strip() else ("silent", f"exit code {status}")
-    if status == 0 and "--json" in command and expected is not None:
-        return _compared(out, err, expected)
+    if status == 0 and "--json" in command:
+        return _compared(out, err, _answer(name, clean))
     return "ok", ""
 
 

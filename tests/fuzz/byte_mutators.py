@@ -98,9 +98,9 @@ def damage_text(text: str, rng: Generator) -> str:
     lines = text.splitlines(keepends=True) or [""]
     at = int(rng.integers(len(lines))) if rng.integers(3) else int(rng.integers(min(len(lines), 5)))
     if kind < 3:
-        lines[at] = _replace_one(NUMBER, lines[at], WORDS[int(rng.integers(len(WORDS)))], rng)
+        lines[at] = replace_one(NUMBER, lines[at], WORDS[int(rng.integers(len(WORDS)))], rng)
     elif kind == 3:
-        lines[at] = _replace_one(WORD, lines[at], WORDS[int(rng.integers(len(WORDS)))], rng)
+        lines[at] = replace_one(WORD, lines[at], WORDS[int(rng.integers(len(WORDS)))], rng)
     elif kind == 4:
         del lines[at]
     elif kind == 5:
@@ -113,13 +113,13 @@ def damage_text(text: str, rng: Generator) -> str:
             *((",", ";"), ("\n", "\r"), ("=", ":"), ('"', "'"), (".", ","))[int(rng.integers(5))]
         )
     elif kind == 8:
-        lines[at] = _replace_one(NUMBER, lines[at], "1" * int(rng.choice([400, 5000, 200_000])), rng)
+        lines[at] = replace_one(NUMBER, lines[at], "1" * int(rng.choice([400, 5000, 200_000])), rng)
     else:
         return text[: int(rng.integers(len(text) + 1))]
     return "".join(lines)
 
 
-def _replace_one(pattern: re.Pattern[str], line: str, word: str, rng: Generator) -> str:
+def replace_one(pattern: re.Pattern[str], line: str, word: str, rng: Generator) -> str:
     """Line in which one match of a pattern is replaced."""
     hits = list(pattern.finditer(line))
     if not hits:

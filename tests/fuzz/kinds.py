@@ -143,14 +143,7 @@ def write_bag(suffix: str) -> Callable[[Arrays, Path], None]:
                 "stamp": int(np.clip(1.6e18 + 1e9 * time[i], 0, 2e18)),
                 "name": ["joint_1", "joint_2", "joint_3"][: sum(name.startswith("q") for name in table)],
                 **{
-                    field: np.concatenate(
-                        [
-                            np.atleast_1d(table[f"{short}{j}"][i : i + 1]).astype(float).reshape(-1)
-                            for j in (1, 2, 3)
-                            if f"{short}{j}" in table
-                        ]
-                        or [np.zeros(0)]
-                    )
+                    field: _row(table, short, i)
                     for field, short in (("position", "q"), ("velocity", "dq"), ("effort", "tau"))
                 },
             }
@@ -278,17 +271,14 @@ def options(folder: Path, rng: Generator) -> None:
 
 def recording(name: str, damage: Damage) -> Kind:
     """Kind of a recording, which the doctor and the identification read."""
-    return Kind(
-        (("doctor", "small.urdf", name), ("identify", "small.urdf", name, "--json", "--out", "new")), damage, True
-    )
+    commands = (("doctor", "small.urdf", name), ("identify", "small.urdf", name, "--json", "--out", "new"))
+    return Kind(commands, damage)
 
 
 def description(name: str, mutator: Callable[[str, Generator], bytes]) -> Kind:
     """Kind of a description of a robot."""
-    return Kind(
-        (("base", name), ("preview", name, "--out", "page.html"), ("doctor", name, "log.csv")),
-        of_record(name, mutator),
-    )
+    commands = (("base", name), ("preview", name, "--out", "page.html"), ("doctor", name, "log.csv"))
+    return Kind(commands, of_record(name, mutator))
 
 
 KINDS: dict[str, Kind] = {

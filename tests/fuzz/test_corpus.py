@@ -132,6 +132,7 @@ CORPUS: dict[str, Write] = {
     "effort of 1e200": with_effort(1e200),
     "effort of 1e-300": with_effort(1e-300),
     "a period of a century": plan_with(base_frequency=1e-9),
+    "a period of an attosecond": plan_with(base_frequency=9e18),
     "a negative frequency": plan_with(base_frequency=-1.0),
     "coefficients of 1e308": plan_with(a=[[1e308]] * 3),
     "repetitions without end": plan_with(repetitions=10**12, lead_in=1e12),

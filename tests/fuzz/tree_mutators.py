@@ -8,7 +8,7 @@ import re
 import xml.etree.ElementTree as ET
 from typing import Any
 
-from byte_mutators import WORDS, damage_bytes, damage_text
+from byte_mutators import NUMBER, WORDS, damage_bytes, damage_text, replace_one
 from numpy.random import Generator
 
 VALUES: tuple[Any, ...] = (
@@ -91,6 +91,9 @@ def damage_json(text: str, rng: Generator) -> bytes:
     return json.dumps(damage_record(json.loads(text), rng)).encode()
 
 
+NUMBERS = ("0", "1", "-1", "2", "1e-9", "1e9", "1e15", "1e300", "-1e300", "1e-300", "0.5", "1000000", "nan")
+"""Numbers that replace numbers, most of them of the right type."""
+
 ASSIGNMENT = re.compile(r"(?m)^(\s*)([\w.-]+)(\s*=\s*)(.*)$")
 TOML_VALUES = (
     "nan",
@@ -138,7 +141,7 @@ TOML_VALUES = (
 
 def damage_toml(text: str, rng: Generator) -> bytes:
     """TOML text with one fault in a key, a value, a table or the text."""
-    kind = rng.integers(10)
+    kind = rng.integers(16)
     hits = list(ASSIGNMENT.finditer(text))
     if kind == 0 or not hits:
         return damage_bytes(text.encode(), rng)
@@ -152,6 +155,10 @@ def damage_toml(text: str, rng: Generator) -> bytes:
         4: f"{hit[0]}\n{hit[0]}",
         5: f"{space}{key}.a{equals}{value}",
         6: f"{space}[{key}]\na{equals}{value}",
+        7: f"{space}{key}{equals}{replace_one(NUMBER, value, NUMBERS[int(rng.integers(len(NUMBERS)))], rng)}",
+        8: f"{space}{key}{equals}{replace_one(NUMBER, value, NUMBERS[int(rng.integers(len(NUMBERS)))], rng)}",
+        9: f"{space}{key}{equals}{NUMBER.sub(NUMBERS[int(rng.integers(len(NUMBERS)))], value)}",
+        10: f"{space}{key}{equals}{NUMBER.sub(NUMBERS[int(rng.integers(len(NUMBERS)))], value)}",
     }.get(int(kind), f"{space}{key}{equals}{TOML_VALUES[int(rng.integers(len(TOML_VALUES)))]}")
     return (text[: hit.start()] + changed + text[hit.end() :]).encode()
 

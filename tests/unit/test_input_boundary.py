@@ -129,7 +129,8 @@ def test_a_value_with_parts_of_other_types_is_refused(tmp_path: Path):
             if type(wrong) is type(clean["value"][key]) and not isinstance(wrong, dict):
                 continue
             record = {**clean, "value": {**clean["value"], key: wrong}}
-            np.savez(path, **{**arrays, "value.json": np.frombuffer(json.dumps(record).encode(), np.uint8)})
+            arrays["value.json"] = np.frombuffer(json.dumps(record).encode(), np.uint8)
+            np.savez(path, **arrays)  # pyright: ignore[reportArgumentType]
             with pytest.raises(ArmidError):
                 load(Excitation, path)
 

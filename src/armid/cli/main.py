@@ -42,7 +42,7 @@ class _StoppedError(Exception):
 def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
     """Wraps a command, so that Ctrl-C raises an exception that `main` handles, and remedies name its options.
 
-    Failures of computations, such as those on values of 1e300, become errors of armid.
+    Failures of computations, such as those on values of 1e300, and of the file system become errors of armid.
     """
 
     @wraps(command)
@@ -59,6 +59,13 @@ def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
                 f"A computation of armid {command.__name__} failed ({reason(error)}).",
                 remedy="check the values of the recording, the description and the options; armid doctor examines a "
                 "recording.",
+            ) from error
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise ArmidError(
+                f"{error.filename or 'A file'} cannot be read or written ({reason(error)}).",
+                remedy="give another path, or correct the rights of the file.",
             ) from error
 
     return run

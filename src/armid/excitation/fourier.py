@@ -97,6 +97,11 @@ class Excitation(Displayed):
         """Samples of a whole number of periods at a rate [Hz], from t = 0 to one sample before the end."""
         count = periods * self.period * rate
         within("motion", count, f"The motion of {periods} times {self.period:.4g} s at {rate:.4g} Hz")
+        if not count >= 1.0:
+            raise ArmidError(
+                f"A motion of {periods} times {self.period:.4g} s has no sample at {rate:.4g} Hz.",
+                remedy="correct the base frequency of the plan, or raise the rate.",
+            )
         return self.at(np.arange(round(count)) / rate)
 
     def stretched(self, period: float) -> Excitation:

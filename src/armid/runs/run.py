@@ -19,6 +19,7 @@ from armid.doctor.checks.signals.motor_side import CURRENT, MOTOR, UNIT
 from armid.errors import ArmidError
 from armid.estimation.estimate_record import Estimate
 from armid.estimation.link_properties import LinkTable, link_record, link_table
+from armid.hashes import sha256_of_file
 from armid.input_boundary import boundary, read_json
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
@@ -41,6 +42,9 @@ from armid.study.storage.records import (
 )
 
 MARKER = "estimate.json"
+
+ARCHIVES = ("robot.npz", "information.npz", "estimate.npz")
+"""Archives of a run, whose digests are stored in `model.json`."""
 
 RUN, RUN_RECORD = "a run of this version of armid", "a record of a run of this version of armid"
 """Names of the folder of a run and of its records, for messages."""
@@ -179,9 +183,12 @@ def load_run(folder: Path | str) -> Run:
         ArmidError: The folder is not a run, is damaged, or has a format that this version does not know.
     """
     folder = Path(folder)
-    if not (folder / MARKER).is_file():
+    with boundary(RUN, folder, remedy="give the folder that armid identify made."):
+        made = (folder / MARKER).is_file()
+    if not made:
         raise ArmidError(f"{folder} is not a run of armid.", remedy="give the folder that armid identify made.")
     kept = _model_record(folder)
+    _check_archives(folder, kept)
     robot, estimate = load(Robot, folder / "robot.npz"), load(Estimate, folder / "estimate.npz")
     with boundary(RUN, folder, remedy="identify again."):
         return Run(
@@ -195,6 +202,18 @@ def load_run(folder: Path | str) -> Run:
             _verdict(folder),
             origin_of(kept),
         )
+
+
+def _check_archives(folder: Path, kept: Mapping[str, Any]) -> None:
+    """Raises an error if an archive of a run differs from the one that was written; earlier runs have no digests."""
+    digests = kept.get("sha256")
+    for name, digest in digests.items() if isinstance(digests, Mapping) else ():
+        path = folder / name
+        if name in ARCHIVES and path.is_file() and sha256_of_file(path) != digest:
+            raise ArmidError(
+                f"{path} was changed or damaged after armid wrote it: its SHA-256 is not that in model.json.",
+                remedy="restore the folder from a copy, or identify again.",
+            )
 
 
 def _model_record(folder: Path) -> dict[str, Any]:
@@ -294,10 +313,10 @@ def _write(result: Result, draft: Path, made: RunOrigin) -> None:
         "made": origin_record(made),
     }
     replace_file(draft / "study.json", to_json(study_record(study)) + "\n")
+    for name, value in zip(ARCHIVES, (result.robot, result.information, result.estimate), strict=True):
+        save(value, draft / name)
+    model["sha256"] = {name: sha256_of_file(draft / name) for name in ARCHIVES}
     replace_file(draft / "model.json", to_json(model) + "\n")
-    save(result.robot, draft / "robot.npz")
-    save(result.information, draft / "information.npz")
-    save(result.estimate, draft / "estimate.npz")
     if result.friction_selection is not None:
         record = friction_selection_record(result.friction_selection, result.robot.joint_names)
         replace_file(draft / "friction.json", to_json(record) + "\n")

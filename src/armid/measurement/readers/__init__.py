@@ -29,7 +29,8 @@ def load_recording(path: Path | str, log_format: LogFormat | None = None, robot:
         MissingExtraError: The format needs a package that is not installed.
     """
     path = Path(path)
-    form = _format(path)
+    with boundary("a recording", path, RecordingError, remedy="give the path of a file that exists."):
+        form = _format(path)
     with boundary(form.title, path, RecordingError, remedy=form.repair):
         recording = form.reader.read(path, log_format or LogFormat(), robot)
         within("samples", recording.samples, str(path), RecordingError)
