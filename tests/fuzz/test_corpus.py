@@ -120,6 +120,12 @@ def clock_of_nanoseconds(folder: Path) -> tuple[str, ...]:
     return "identify", "small.urdf", "log.npz"
 
 
+def long_column_name(folder: Path) -> tuple[str, ...]:
+    path = write_recording(small_recording(1), folder / "log.csv")
+    path.write_text(path.read_text().replace("q1", f"q{'1' * 200_000}", 1))
+    return examined("log.csv")
+
+
 CORPUS: dict[str, Write] = {
     "a list in place of fields": saved_with(lambda value: [value]),
     "a list in place of a mapping": saved_with(lambda value: {**value, "columns": [1]}),
@@ -140,6 +146,7 @@ CORPUS: dict[str, Write] = {
     "a torn motion": torn_motion,
     "a deep description": deep_xacro,
     "a matrix that is nowhere": mat_without_a_target,
+    "a long name of a column": long_column_name,
     "a clock of nanoseconds": clock_of_nanoseconds,
 }
 """Inputs by what is wrong with them."""

@@ -15,7 +15,6 @@ from io import TextIOWrapper
 from typing import Annotated, Any
 
 import typer
-from numpy.linalg import LinAlgError
 
 from armid.cli.command_list import COMMANDS
 from armid.cli.folder_overview import next_step
@@ -54,7 +53,9 @@ def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
             raise
         except KeyboardInterrupt:
             raise _StoppedError from None
-        except (ArithmeticError, MemoryError, LinAlgError) as error:
+        except (ArithmeticError, MemoryError, ValueError) as error:
+            if isinstance(error, ValueError) and type(error).__name__ != "LinAlgError":  # NumPy is not imported here
+                raise
             raise ArmidError(
                 f"A computation of armid {command.__name__} failed ({reason(error)}).",
                 remedy="check the values of the recording, the description and the options; armid doctor examines a "

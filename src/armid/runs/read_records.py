@@ -5,6 +5,7 @@ The records are made from a result in memory or read from the folder of a run, w
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from armid.checked_array import Array
+from armid.errors import ArmidError
 from armid.estimation.friction.selection import SelectionEvidence
 from armid.estimation.uncertainty.prediction_error import ExpectedError
 from armid.input_boundary import boundary, read_json
@@ -78,6 +80,23 @@ def read_records(run: Run) -> RunRecords:
 def trained_and_validated(run: Run, study: Study) -> list[tuple[RecordingChoice, str]]:
     """Recordings for training and validation in the study of a run, each with its digest (sha256)."""
     return list(zip(study.recordings, run.estimate.recording_digests, strict=True))
+
+
+def read_values(path: Path | str) -> dict[str, float]:
+    """Reads parameters by name from a JSON object.
+
+    Raises:
+        ArmidError: The file is missing or is not a JSON object of numbers.
+    """
+    values = read_json(path, "a JSON object of parameters", remedy="give a JSON object {name: value}.")
+    if not values:
+        raise ArmidError(f"{path} is not a JSON object of parameters.", remedy='write {"ZZR_1": 0.05, …}.')
+    for name, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise ArmidError(
+                f"{path}: {name} must be a finite number; found {value!r}.", remedy="correct this value."
+            )
+    return {str(name): float(value) for name, value in values.items()}
 
 
 def _path(run: Run, name: str) -> Path:

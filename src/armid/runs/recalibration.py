@@ -20,10 +20,9 @@ from armid.estimation.whitened_system import minimum_norm_solution
 from armid.hashes import digest, sha256_of_file
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, stack, total
-from armid.input_boundary import boundary, read_json
 from armid.runs.new_recordings import NewRecordings, link_columns, load_new_recordings
+from armid.runs.recalibration_record import study_of_run
 from armid.runs.run import Run
-from armid.study.config import EstimationChoice, RecordingChoice, Study, parse_robot, resolve_model
 from armid.study.diagnosis import diagnosed_error
 from armid.study.identify import Result
 from armid.study.plausibility.estimate_findings import few_blocks_finding, negative_finding
@@ -152,7 +151,7 @@ def _result(
     scores, found = score_recordings(run.model, estimate, unseen)
     validation = contradicted(validate(run.robot.joint_names, scores, estimate), new_recordings.findings)
     recordings = tuple(each.choice for each in (*new_recordings.recordings, *unseen))
-    study = replace(_study(run), recordings=recordings)
+    study = replace(study_of_run(run), recordings=recordings)
     # The earlier training recordings took part in the estimate and must not validate it; their files may be missing.
     nothing = np.full(run.robot.n, np.nan)
     known = tuple(
@@ -160,21 +159,6 @@ def _result(
     )
     estimate = replace(estimate, findings=(*estimate.findings, *found))
     return Result(study, run.robot, run.model, information, estimate, validation, (*training, *known))
-
-
-def _study(run: Run) -> Study:
-    """Study of the earlier run, in which the folder of the run replaces the recordings."""
-    path = Path(run.folder) / "study.json"
-    record = read_json(path, "the study of a run", remedy="identify again.")
-    with boundary("the study of a run", path, remedy="identify again."):
-        return Study(
-            parse_robot(record["robot"]),
-            resolve_model(run.model),
-            (RecordingChoice(run.folder),),
-            run.processing,
-            EstimationChoice(**record["estimation"]),
-            record["folder"],
-        )
 
 
 def _assumption_findings(new_recordings: NewRecordings, result: Result, changed: Changed) -> list[Finding]:
