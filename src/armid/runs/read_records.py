@@ -23,7 +23,7 @@ from armid.measurement.processing.options import ProcessingOptions
 from armid.model.parameter_name import ParameterName
 from armid.runs.run import Run
 from armid.study.compare_methods import MethodEstimate, MethodScore, MethodTable
-from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, Study, parse_robot
+from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, Study, parse_robot, resolve_model
 from armid.study.identify import Result
 from armid.study.storage.records import SelectionSummary, selection_summary
 from armid.validation.left_out_error import LeftOutError
@@ -80,6 +80,25 @@ def read_records(run: Run) -> RunRecords:
 def trained_and_validated(run: Run, study: Study) -> list[tuple[RecordingChoice, str]]:
     """Recordings for training and validation in the study of a run, each with its digest (sha256)."""
     return list(zip(study.recordings, run.estimate.recording_digests, strict=True))
+
+
+def study_of_run(run: Run) -> Study:
+    """Study of the earlier run, in which the folder of the run replaces the recordings.
+
+    Raises:
+        ArmidError: The file `study.json` of the run is damaged.
+    """
+    path = Path(run.folder) / "study.json"
+    record = read_json(path, "the study of a run", remedy="identify again.")
+    with boundary("the study of a run", path, remedy="identify again."):
+        return Study(
+            parse_robot(record["robot"]),
+            resolve_model(run.model),
+            (RecordingChoice(run.folder),),
+            run.processing,
+            EstimationChoice(**record["estimation"]),
+            record["folder"],
+        )
 
 
 def read_values(path: Path | str) -> dict[str, float]:

@@ -21,7 +21,7 @@ from armid.hashes import digest, sha256_of_file
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, stack, total
 from armid.runs.new_recordings import NewRecordings, link_columns, load_new_recordings
-from armid.runs.recalibration_record import study_of_run
+from armid.runs.read_records import study_of_run
 from armid.runs.run import Run
 from armid.study.diagnosis import diagnosed_error
 from armid.study.identify import Result

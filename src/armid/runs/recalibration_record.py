@@ -11,7 +11,6 @@ from armid.estimation.update.parameter_change import ParameterChange
 from armid.hashes import sha256_of_file
 from armid.input_boundary import boundary, read_json
 from armid.runs.run import Run
-from armid.study.config import EstimationChoice, RecordingChoice, Study, parse_robot, resolve_model
 
 if TYPE_CHECKING:
     from armid.runs.recalibration import Recalibration
@@ -75,23 +74,4 @@ def recorded_changes(before: Run, after: Run) -> tuple[ParameterChange, ...] | N
                 ),
             )
             for each in record["changes"]
-        )
-
-
-def study_of_run(run: Run) -> Study:
-    """Study of the earlier run, in which the folder of the run replaces the recordings.
-
-    Raises:
-        ArmidError: The file `study.json` of the run is damaged.
-    """
-    path = Path(run.folder) / "study.json"
-    record = read_json(path, "the study of a run", remedy="identify again.")
-    with boundary("the study of a run", path, remedy="identify again."):
-        return Study(
-            parse_robot(record["robot"]),
-            resolve_model(run.model),
-            (RecordingChoice(run.folder),),
-            run.processing,
-            EstimationChoice(**record["estimation"]),
-            record["folder"],
         )

@@ -53,9 +53,7 @@ def certify(
             "Ixx_1), and friction (FV_1, FS_1).",
         ),
     ] = None,
-    motion: Annotated[
-        str | None, typer.Option(metavar="PLAN", help="Also check the mass matrix along this plan.")
-    ] = None,
+    motion: Annotated[str | None, typer.Option(metavar="PLAN", help="Check the mass matrix along it, too.")] = None,
     heaviest: Annotated[
         float | None,
         typer.Option(
