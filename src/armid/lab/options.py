@@ -163,6 +163,8 @@ def _value(hint: Any, value: Any, where: str) -> Any:
     if typing.get_origin(hint) is np.ndarray or hint == NDArray[np.float64]:
         return value
     if typing.get_origin(hint) is tuple:
+        if typing.get_args(hint)[:1] == (str,) and not all(isinstance(each, str) for each in _listed(value, where)):
+            raise LabError(f"{where} must be a list of texts; found {value!r:.60}.", remedy="write names in quotes.")
         return tuple(_listed(value, where))
     plain = {float: (int, float), int: (int,), str: (str,), bool: (bool,)}.get(hint)
     if plain is not None and (not isinstance(value, plain) or (isinstance(value, bool) and hint is not bool)):
