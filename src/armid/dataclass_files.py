@@ -9,9 +9,10 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import math
 import types
 import typing
-import zipfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 
 from armid.atomic_file import replace_file
 from armid.errors import ArmidError
+from armid.input_boundary import MadeError, boundary, within_unpacked
 from armid.text_stored_value import TextValue
 
 T = TypeVar("T")
@@ -46,21 +48,41 @@ def load(kind: type[T], path: Path | str) -> T:
     Raises:
         ArmidError: The file was not written by `save`, or contains a value of another type.
     """
-    try:
+    with boundary("a value saved by armid", path, remedy="give a file that armid.dataclass_files.save wrote."):
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as archive:
+            refuse_large_archive(archive, path)
             header = json.loads(bytes(archive["value.json"]))
             arrays = {name: archive[name] for name in archive.files}
-    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+        found, value = header["type"], header["value"]
+    if found != kind.__name__:
         raise ArmidError(
-            f"{path} is not a value saved by armid ({error}).",
-            remedy="give a file that armid.dataclass_files.save wrote.",
-        ) from error
-    if header["type"] != kind.__name__:
-        raise ArmidError(
-            f"{path} contains a value of type {header['type']}, but a {kind.__name__} is needed.",
+            f"{path} contains a value of type {found}, but a {kind.__name__} is needed.",
             remedy=f"give a file that contains a {kind.__name__}.",
         )
-    return _unpack(kind, header["value"], arrays)
+    with boundary(
+        f"a {kind.__name__} of this version of armid",
+        path,
+        remedy="make the file again; it is damaged, or another version of armid wrote it.",
+    ):
+        return _unpack(kind, value, arrays)
+
+
+def refuse_large_archive(archive: np.lib.npyio.NpzFile, path: Path | str, error: MadeError = ArmidError) -> None:
+    """Raises an error if the arrays of a NumPy archive are much larger than the file.
+
+    Args:
+        archive: The archive, from which nothing has been read yet.
+        path: The file.
+        error: Class of the error.
+    """
+    zipped: Any = archive.zip
+    for name in archive.files:
+        with zipped.open(name if name in zipped.namelist() else f"{name}.npy") as member:
+            major = np.lib.format.read_magic(member)[0]
+            read = np.lib.format.read_array_header_1_0 if major == 1 else np.lib.format.read_array_header_2_0
+            shape, _, dtype = read(member)
+            within_unpacked(math.prod(map(float, shape)) * dtype.itemsize, path, error)
+    within_unpacked(sum(member.file_size for member in zipped.infolist()), path, error)
 
 
 def _pack(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
@@ -88,14 +110,16 @@ def _stored(field: dataclasses.Field[Any]) -> str:
 
 
 def _unpack(kind: Any, value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
-    """Value of type `kind` from its JSON form and the arrays."""
+    """Value of type `kind` from its JSON form and the arrays.
+
+    Raises:
+        TypeError: The JSON form has another type.
+    """
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if isinstance(value, dict) and set(typing.cast("dict[str, Any]", value)) == {"array"}:
         return arrays[value["array"]]
     if origin in (typing.Union, types.UnionType):
-        if value is None:
-            return None
-        return _unpack(next(a for a in arguments if a is not type(None)), value, arrays)
+        return _alternative(arguments, value, arrays)
     if isinstance(kind, type) and issubclass(kind, TextValue):
         return kind.read(str(value))
     if dataclasses.is_dataclass(kind):
@@ -105,6 +129,33 @@ def _unpack(kind: Any, value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
     if origin is tuple:
         kinds = arguments[:1] * len(value) if arguments[-1] is Ellipsis else arguments
         return tuple(_unpack(k, v, arrays) for k, v in zip(kinds, value, strict=True))
-    if origin is dict:
+    if origin in (dict, Mapping):
         return {key: _unpack(arguments[1], item, arrays) for key, item in value.items()}
+    if origin is Sequence and not isinstance(value, list):
+        raise TypeError(f"{str(value)[:40]!r} stands in place of a list")
+    return _plain(kind, origin, value)
+
+
+def _alternative(kinds: tuple[Any, ...], value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
+    """Value of the first of several types that fits its JSON form."""
+    if value is None and type(None) in kinds:
+        return None
+    faults: list[Exception] = []
+    for kind in kinds:
+        if kind is not type(None):
+            try:
+                return _unpack(kind, value, arrays)
+            except (TypeError, ValueError, KeyError, AttributeError) as fault:
+                faults.append(fault)
+    raise faults[0]
+
+
+def _plain(kind: Any, origin: Any, value: Any) -> Any:
+    """Number, text or other value without parts, after a check of its type."""
+    if origin is np.ndarray:
+        raise TypeError(f"{str(value)[:40]!r} stands in place of an array")
+    if kind in (bool, int, float, str):
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not (is_number if kind is float else type(value) is kind):
+            raise TypeError(f"{str(value)[:40]!r} stands in place of a value of type {kind.__name__}")
     return value

@@ -13,6 +13,7 @@ from armid.codegen.catalogue import LANGUAGES
 from armid.codegen.functions import PROGRAMS
 from armid.doctor import effects
 from armid.estimation.catalogue import ESTIMATORS
+from armid.input_boundary import LIMITS
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.dynamics_model import DynamicsModel
@@ -142,3 +143,11 @@ def test_the_tables_of_languages():
     tested = [row[0].lower().replace("++", "pp") for row in rows(CODE, "| language | tested by |")]
     assert names == list(LANGUAGES) and tested == list(LANGUAGES)
     assert f"also {', '.join(list(LANGUAGES)[1:])}" in CODE
+
+
+def test_limits_of_input_are_listed():
+    page = (DOCS / "input.md").read_text(encoding="utf-8")
+    listed = {row[0].strip("`"): row[1] for row in rows(page, "| limit | most | counts |")}
+    words = {"million": 1e6}
+    values = {name: float(most.split()[0]) * words.get(most.split()[-1], 1.0) for name, most in listed.items()}
+    assert values == {name: each.most for name, each in LIMITS.items()}

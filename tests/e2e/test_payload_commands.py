@@ -225,7 +225,7 @@ def test_controllers_that_cannot_be_written(armid: Armid, tmp_path: Path):
     code, _, err = armid("payload", "run")
     assert code == 2 and "give recordings with the payload" in " ".join(err.split())
     code, _, err = armid("payload", "run", "--to", "ur")
-    assert code == 2 and "is not a payload" in err
+    assert code == 2 and "cannot be read as a payload" in err
     code, _, err = armid("payload", "run", "elsewhere.npz", "--link", "link_2", "--to", "ur", "--out", tmp_path)
     assert code == 2 and "a load on the flange" in " ".join(err.split())
     assert [path.name for path in tmp_path.iterdir()] == ["payload.json"]  # the estimate is not lost
@@ -612,7 +612,7 @@ def test_recalibration_writes_nothing_where_it_fails(armid: Armid, tmp_path: Pat
     damaged = shutil.copytree("run", tmp_path / "damaged")
     (damaged / "study.json").write_text("{}")
     code, _, err = armid("recalibrate", damaged, "warm.npz", "--out", tmp_path / "new")
-    assert code == 2 and "study.json is damaged" in " ".join(err.split())
+    assert code == 2 and "study.json cannot be read as the study of a run" in " ".join(err.split())
     assert not (tmp_path / "new").exists()
 
 

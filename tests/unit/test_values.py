@@ -111,22 +111,22 @@ def test_another_type_is_refused(tmp_path):
 
 def test_files_that_hold_no_value(tmp_path):
     path = tmp_path / "x.npz"
-    with pytest.raises(ArmidError, match="not a value saved by armid"):
+    with pytest.raises(ArmidError, match="cannot be read as a value saved by armid"):
         load(Band, path)
     for content in (b"", b"nothing of the kind"):
         path.write_bytes(content)
-        with pytest.raises(ArmidError, match="not a value saved by armid"):
+        with pytest.raises(ArmidError, match="cannot be read as a value saved by armid"):
             load(Band, path)
     with open(path, "wb") as stream:
         np.save(stream, np.ones(3))
-    with pytest.raises(ArmidError, match="not a value saved by armid"):
+    with pytest.raises(ArmidError, match="cannot be read as a value saved by armid"):
         load(Band, path)
     np.savez(path, x=np.ones(3))
-    with pytest.raises(ArmidError, match="not a value saved by armid"):
+    with pytest.raises(ArmidError, match="cannot be read as a value saved by armid"):
         load(Band, path)
     whole = save(Band(), path).read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(ArmidError, match="not a value saved by armid"):
+    with pytest.raises(ArmidError, match="cannot be read as a value saved by armid"):
         load(Band, path)
 
 
@@ -140,7 +140,7 @@ def test_nothing_is_unpickled(tmp_path):
     header = np.frombuffer(json.dumps({"type": "Band", "value": {"family": {"array": "trap"}}}).encode(), np.uint8)
     path = tmp_path / "trap.npz"
     np.savez(path, **{"value.json": header, "trap": np.array([Trap()], dtype=object)})
-    with pytest.raises(ArmidError, match="not a value saved by armid"):
+    with pytest.raises(ArmidError, match="cannot be read as a value saved by armid"):
         load(Band, path)
     assert not (tmp_path / "sprung").exists()
 

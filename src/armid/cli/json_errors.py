@@ -17,15 +17,16 @@ ASKED = "armid.json"
 """Key of the parser's context whose value is true if `--json` is on the command line."""
 
 
-def write_error(problem: str, possible: str = "", remedy: str = "") -> None:
+def write_error(problem: str, possible: str = "", remedy: str = "", code: int = BAD_INPUT) -> None:
     """Write an error as a JSON object on standard output.
 
     Args:
         problem: Text that states the request, and the value or state that makes it impossible.
         possible: Values that are accepted.
         remedy: Action that solves the problem.
+        code: Exit code of the command.
     """
-    record = {"error": problem, "possible": possible, "remedy": remedy, "exit_code": BAD_INPUT}
+    record = {"error": problem, "possible": possible, "remedy": remedy, "exit_code": code}
     sys.stdout.write(json.dumps(record, indent=1, ensure_ascii=False) + "\n")
     sys.stdout.flush()
 

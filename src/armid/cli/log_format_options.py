@@ -143,7 +143,7 @@ def _keys_of_lines(lines: list[str]) -> dict[str, Any]:
     for line in lines:
         try:
             keys |= tomllib.loads(line)
-        except tomllib.TOMLDecodeError as error:
+        except (ValueError, RecursionError) as error:
             raise ArmidError(
                 f"--reading {line} is not a line of a study: {error}.",
                 remedy="write for instance --reading 'drive_gain = [2.1, 1.9]' or --reading 'units = \"deg\"'.",

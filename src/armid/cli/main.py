@@ -1,6 +1,7 @@
 """The command line: `armid COMMAND`.
 
-Exit codes: 0 success, 1 failed verdict, 2 wrong input, 130 interruption.
+Exit codes: 0 success, 1 failed verdict, 2 wrong input, 70 an error that armid did not expect, 130 interruption,
+141 the reader of the output has gone.
 """
 
 from __future__ import annotations
@@ -19,9 +20,17 @@ from armid.cli.command_list import COMMANDS
 from armid.cli.folder_overview import next_step
 from armid.cli.help_format import Command
 from armid.cli.json_errors import BAD_INPUT, Group, write_error
+from armid.cli.last_handler import (
+    BROKEN_PIPE,
+    UNEXPECTED,
+    discard_output,
+    open_missing_streams,
+    report_unexpected,
+)
 from armid.cli.motion.excite import INTERRUPTED
 from armid.cli.remedy_hints import hint
 from armid.errors import ArmidError
+from armid.input_boundary import LIMITS, VARIABLE, allow, is_failure, parsed_limits, reason
 from armid.threads import keep_freed_memory, prefer_one_thread
 
 
@@ -30,7 +39,10 @@ class _StoppedError(Exception):
 
 
 def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
-    """Wraps a command, so that Ctrl-C raises an exception that `main` handles, and remedies name its options."""
+    """Wraps a command, so that Ctrl-C raises an exception that `main` handles, and remedies name its options.
+
+    Failures of computations, such as those on values of 1e300, and of the file system become errors of armid.
+    """
 
     @wraps(command)
     def run(**options: Any) -> None:
@@ -41,6 +53,21 @@ def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
             raise
         except KeyboardInterrupt:
             raise _StoppedError from None
+        except (ArithmeticError, MemoryError, ValueError) as error:
+            if isinstance(error, ValueError) and type(error).__name__ != "LinAlgError":  # NumPy is not imported here
+                raise
+            raise ArmidError(
+                f"A computation of armid {command.__name__} failed ({reason(error)}).",
+                remedy="check the values of the recording, the description and the options; armid doctor examines a "
+                "recording.",
+            ) from error
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise ArmidError(
+                f"{error.filename or 'A file'} cannot be read or written ({reason(error)}).",
+                remedy="give another path, or correct the rights of the file.",
+            ) from error
 
     return run
 
@@ -69,9 +96,18 @@ def options(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
+    allowed: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--allow",
+            metavar="LIMIT=NUMBER",
+            help=f"Raise a limit of the size of input: {', '.join(LIMITS)}; repeatable. Also: {VARIABLE}.",
+        ),
+    ] = None,
 ) -> None:
     """Find the dynamic model of a robot arm: base parameters, friction and intervals from recordings."""
     del version
+    allow(parsed_limits(",".join(allowed or ())))
     if context.invoked_subcommand is None:
         sys.stdout.write(next_step())
 
@@ -81,7 +117,11 @@ for command in COMMANDS:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line; an error of armid is printed as one message and gives exit code 2."""
+    """Run the command line; an error of armid is printed as one message and gives exit code 2.
+
+    Any other error is printed as one line, and its trace is written to a file.
+    """
+    open_missing_streams()
     prefer_one_thread()
     keep_freed_memory()
     raw_arguments = sys.argv[1:] if arguments is None else arguments
@@ -102,6 +142,17 @@ def main(arguments: list[str] | None = None) -> None:
     except (_StoppedError, KeyboardInterrupt):
         sys.stderr.write("interrupted; nothing was written\n")
         sys.exit(INTERRUPTED)
+    except BrokenPipeError:
+        discard_output()
+        sys.exit(BROKEN_PIPE)
+    except BaseException as error:
+        if not is_failure(error):
+            raise
+        line = report_unexpected(error, raw_arguments)
+        if "--json" in raw_arguments:
+            write_error(line.removeprefix("error "), code=UNEXPECTED)
+        sys.stderr.write(f"{line}\n")
+        sys.exit(UNEXPECTED)
 
 
 def _repeat_option(option: str, arguments: list[str]) -> list[str]:

@@ -12,7 +12,6 @@ import json
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +19,7 @@ from numpy.typing import ArrayLike
 from armid.atomic_file import replace_file
 from armid.checked_array import Array, array
 from armid.errors import ArmidError
+from armid.input_boundary import boundary, read_json, within
 from armid.model.motion import Motion
 from armid.notebook_display import Displayed, Summary
 
@@ -95,7 +95,14 @@ class Excitation(Displayed):
 
     def sample(self, rate: float, periods: int = 1) -> Motion:
         """Samples of a whole number of periods at a rate [Hz], from t = 0 to one sample before the end."""
-        return self.at(np.arange(round(periods * self.period * rate)) / rate)
+        count = periods * self.period * rate
+        within("motion", count, f"The motion of {periods} times {self.period:.4g} s at {rate:.4g} Hz")
+        if not count >= 1.0:
+            raise ArmidError(
+                f"A motion of {periods} times {self.period:.4g} s has no sample at {rate:.4g} Hz.",
+                remedy="correct the base frequency of the plan, or raise the rate.",
+            )
+        return self.at(np.arange(round(count)) / rate)
 
     def stretched(self, period: float) -> Excitation:
         """Motion along the same path, with time scaled so that the period is `period` [s]."""
@@ -115,29 +122,20 @@ def load_plan(path: Path | str) -> Excitation:
     """
     path = Path(path)
     path = path / PLAN_FILE if path.is_dir() else path
-    try:
-        plan: Any = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ArmidError(
-            f"{path} is not a plan: {error}.", remedy="give a plan.json that armid excite has written."
-        ) from error
-    missing = [key for key in PLAN_KEYS if not isinstance(plan, dict) or key not in plan]
+    remedy = "give a plan.json that armid excite has written."
+    plan = read_json(path, "a plan", remedy=remedy)
+    missing = [key for key in PLAN_KEYS if key not in plan]
     if missing:
-        point_to_point = isinstance(plan, dict) and "stretches" in plan
+        point_to_point = "stretches" in plan
         raise ArmidError(
             f"{path} is not a plan of a periodic excitation: it lacks the keys {', '.join(missing)}.",
             possible=", ".join(PLAN_KEYS),
             remedy="this is a plan of poses or sweeps: read it with armid.study.plans.plan_reading.read_whole_plan."
             if point_to_point
-            else "give a plan.json that armid excite has written.",
+            else remedy,
         )
-    try:
+    with boundary("a plan", path, remedy=remedy):
         return Excitation(plan["base_frequency"], plan["a"], plan["b"], plan["offset"], str(plan["robot"]))
-    except (TypeError, ValueError) as error:
-        raise ArmidError(
-            f"{path} is not a plan: a value in the file has the wrong type ({error}).",
-            remedy="give a plan.json that armid excite has written.",
-        ) from error
 
 
 def required_series(plan: object) -> Excitation:

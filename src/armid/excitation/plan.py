@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from armid.checked_array import Array, array
 from armid.errors import ArmidError
 from armid.excitation.fourier import Excitation, required_series
+from armid.input_boundary import within
 from armid.model.motion import Motion
 from armid.notebook_display import Displayed, Summary
 
@@ -110,6 +111,7 @@ class Plan(Displayed):
 
     def sample(self, rate: float) -> Motion:
         """Samples of the whole plan at a rate [Hz], including both ends."""
+        within("motion", self.duration * rate, f"The plan of {self.duration:.4g} s at {rate:.4g} Hz")
         return self.at(np.arange(int(np.floor(self.duration * rate + 1e-9)) + 1) / rate)
 
     def rehearsal(self, speed: float) -> Plan:

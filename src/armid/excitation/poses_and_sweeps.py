@@ -19,6 +19,7 @@ from armid.checked_array import Array, array
 from armid.errors import ArmidError
 from armid.excitation.limits.joint_limits import Limits
 from armid.excitation.plan import seconds_for
+from armid.input_boundary import within
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
@@ -112,6 +113,7 @@ class Moves:
 
     def sample(self, rate: float) -> Motion:
         """Samples of the whole motion at a rate [Hz]."""
+        within("motion", self.duration * rate, f"The plan of {self.duration:.4g} s at {rate:.4g} Hz")
         return self.at(np.arange(float(round(self.duration * rate) + 1)) / rate)
 
 

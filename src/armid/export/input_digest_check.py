@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 from armid.errors import ArmidError, OutputError
 from armid.export.catalogue import EXPORTERS
 from armid.export.types import DescriptionSource
+from armid.input_boundary import read_json
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.loading import builtin_arms, held_of, load_robot
@@ -118,9 +118,4 @@ def _read(path: Path, locked: Mapping[str, float]) -> DescriptionSource:
 def _record(run: Run) -> dict[str, Any]:
     """Reads the file `study.json` of a run."""
     path = Path(run.folder) / "study.json"
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ArmidError(
-            f"{path} cannot be read: {error}.", remedy="identify again; this writes the file again."
-        ) from error
+    return read_json(path, "the study of a run", remedy="identify again; this writes the file again.")

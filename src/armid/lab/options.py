@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 import types
 import typing
 from collections.abc import Mapping
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import ArmidError, LabError, did_you_mean
+from armid.input_boundary import boundary, read_toml
 from armid.lab.controller import Controller, Drive
 from armid.lab.faults import FAULTS, Fault
 from armid.lab.friction import Friction
@@ -111,15 +111,9 @@ def load_options(path: Path | str) -> LabOptions:
         LabError: The file is missing or not TOML, or has an unknown key or a wrong value.
     """
     path = Path(path)
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise LabError(f"{path} cannot be read: {error}.", remedy="give the path of a lab.toml.") from error
-    except tomllib.TOMLDecodeError as error:
-        raise LabError(
-            f"{path} is not valid TOML: {error}.", remedy="correct the line that the message names."
-        ) from error
-    return parse_options(table)
+    table = read_toml(path, "options of the lab", LabError, remedy="give the path of a lab.toml.")
+    with boundary("options of the lab", path, LabError, remedy="correct the keys that docs/lab.md explains."):
+        return parse_options(table)
 
 
 def parse_options(table: Mapping[str, Any]) -> LabOptions:
@@ -169,6 +163,8 @@ def _value(hint: Any, value: Any, where: str) -> Any:
     if typing.get_origin(hint) is np.ndarray or hint == NDArray[np.float64]:
         return value
     if typing.get_origin(hint) is tuple:
+        if typing.get_args(hint)[:1] == (str,) and not all(isinstance(each, str) for each in _listed(value, where)):
+            raise LabError(f"{where} must be a list of texts; found {value!r:.60}.", remedy="write names in quotes.")
         return tuple(_listed(value, where))
     plain = {float: (int, float), int: (int,), str: (str,), bool: (bool,)}.get(hint)
     if plain is not None and (not isinstance(value, plain) or (isinstance(value, bool) and hint is not bool)):

@@ -11,6 +11,7 @@ from armid import kernel
 from armid.checked_array import Array
 from armid.errors import LabError
 from armid.excitation.fourier import Excitation
+from armid.input_boundary import within
 from armid.lab.controller import Controller, ControllerGains, Drive, feedforward, gains
 from armid.lab.friction import friction_along
 from armid.lab.known_arms import KnownArm
@@ -86,6 +87,7 @@ def inverse_dynamics(
             "The mode inverse-dynamics cannot simulate elastic drives.",
             remedy="use the mode closed-loop, or leave out the stiffness and the effect 'elastic'.",
         )
+    _check_steps(repetitions * plan.period, rate)
     first = -round(MARGIN * rate)
     motion = plan.at(np.arange(first, round(repetitions * plan.period * rate)) / rate)
     robot = truth.robot
@@ -132,6 +134,7 @@ def closed_loop(
     Raises:
         LabError: The simulation became unstable, or the step is too long.
     """
+    _check_steps(lead_in + repetitions * plan.period, rate)
     h = 1.0 / rate
     every = max(1, round(rate / controller.rate)) if controller.rate else 1
     lead, steps = round(lead_in * rate), round(repetitions * plan.period * rate)
@@ -151,6 +154,16 @@ def closed_loop(
     while run.row < kept + steps:
         run.follow(references[1], min(along.samples, kept + steps - run.row), keep=along.samples, tell=tell)
     return run.trace(time), gain
+
+
+def _check_steps(seconds: float, rate: float) -> None:
+    """Raises an error if a simulation would have fewer than two steps, or more than the limit `motion`."""
+    if not seconds * rate >= 2.0:
+        raise LabError(
+            f"The motion takes {seconds:.4g} s, which is less than two steps at {rate:.4g} Hz.",
+            remedy="correct the plan, or raise the rate.",
+        )
+    within("motion", seconds * rate, f"The simulation of {seconds:.4g} s at {rate:.4g} Hz", LabError)
 
 
 def _lead_in(plan: Excitation, steps: int, h: float) -> Motion:

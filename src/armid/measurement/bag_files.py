@@ -12,7 +12,11 @@ from typing import Any
 
 from armid.errors import MissingExtraError, RecordingError
 from armid.hashes import digest, sha256_of_file
+from armid.input_boundary import most_unpacked, within_unpacked
 from armid.measurement.catalogue import READERS
+
+BLOCK = 1 << 20
+"""Number of bytes that are unpacked at once."""
 
 METADATA = "metadata.yaml"
 
@@ -51,7 +55,12 @@ def opened(path: Path) -> Generator[list[Path]]:
         plain = Path(folder) / path.name[: -len(COMPRESSED)]
         zstd = _zstd()
         try:
-            plain.write_bytes(zstd.decompress(path.read_bytes()))
+            most = most_unpacked(path)
+            with zstd.open(path) as stream, plain.open("wb") as copy:
+                while block := stream.read(BLOCK):
+                    copy.write(block)
+                    if copy.tell() > most:
+                        within_unpacked(copy.tell(), path, RecordingError)
         except (zstd.ZstdError, EOFError, ValueError, OSError) as error:
             raise RecordingError(
                 f"{path} cannot be unpacked ({error}).", remedy="copy the file again, because its end may be missing."

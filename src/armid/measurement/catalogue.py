@@ -35,6 +35,8 @@ class RecordingFormat:
     Attributes:
         module: Module that reads this format.
         suffixes: Suffixes of files of this format, in lower case, with the dot.
+        title: What a file of this format is, with its article, for messages.
+        repair: What to do if a file is damaged.
         packings: Suffixes that are added to one of `suffixes` in the names of compressed files.
         ambiguous: Members of `suffixes` that are also usual for files that are not recordings.
         has_folders: True if a folder is a recording of this format.
@@ -42,6 +44,8 @@ class RecordingFormat:
 
     module: str
     suffixes: tuple[str, ...]
+    title: str = "a recording"
+    repair: str = "copy the file again, because it may be damaged."
     packings: tuple[str, ...] = ()
     ambiguous: tuple[str, ...] = ()
     has_folders: bool = False
@@ -69,16 +73,37 @@ READERS: Catalogue[RecordingFormat] = Catalogue(
         "csv": RecordingFormat(
             "armid.measurement.readers.csv",
             (".csv", ".tsv", *TEXT_ALSO_OF_OTHERS),
+            "a text table",
             packings=(".gz", ".xz", ".bz2", ".zst"),
             ambiguous=TEXT_ALSO_OF_OTHERS,
         ),
-        "parquet": RecordingFormat("armid.measurement.readers.parquet", (".parquet", ".pq")),
-        "npz": RecordingFormat("armid.measurement.readers.npz", (".npz",)),
-        "mat": RecordingFormat("armid.measurement.readers.mat", (".mat",)),
-        "bag": RecordingFormat(
-            "armid.measurement.readers.bag", (".bag", ".db3", ".mcap"), packings=(".zstd",), has_folders=True
+        "parquet": RecordingFormat(
+            "armid.measurement.readers.parquet",
+            (".parquet", ".pq"),
+            "Parquet",
+            "copy the file again, because its end may be missing.",
         ),
-        "excel": RecordingFormat("armid.measurement.readers.excel", (".xlsx", ".xlsm")),
+        "npz": RecordingFormat("armid.measurement.readers.npz", (".npz",), "a NumPy archive"),
+        "mat": RecordingFormat(
+            "armid.measurement.readers.mat",
+            (".mat",),
+            "a MATLAB file of version 5 or 7.3",
+            "save the file again with MATLAB or scipy.io.savemat, or copy it again if its end is missing.",
+        ),
+        "bag": RecordingFormat(
+            "armid.measurement.readers.bag",
+            (".bag", ".db3", ".mcap"),
+            "a bag",
+            "copy it again, or repair it (rosbag reindex, ros2 bag reindex).",
+            packings=(".zstd",),
+            has_folders=True,
+        ),
+        "excel": RecordingFormat(
+            "armid.measurement.readers.excel",
+            (".xlsx", ".xlsm"),
+            "a workbook",
+            "copy the file again, or export the sheet as CSV.",
+        ),
     }
 )
 """Formats of recordings, by their names."""

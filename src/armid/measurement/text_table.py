@@ -25,6 +25,9 @@ COMMENTS = ("#", "%", "//")
 PREAMBLE = 50
 """Largest number of lines with notes that may precede a header."""
 
+LONGEST_NAME = 1000
+"""Largest number of characters of the name of a column; the search for patterns in longer ones needs much memory."""
+
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 MOMENT = re.compile(r"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d)?)(?:[.,](\d+))?\s*(Z|[+-]\d\d:?\d\d)?")
 OF_DAY = re.compile(r"(\d\d?):(\d\d):(\d\d)(?:[.,](\d+))?")
@@ -91,6 +94,13 @@ def table_of(text: str, path: Path) -> TextTable:
     delimiter = delimiter if delimiter in header else " "
     header = header if delimiter == "\t" else header.strip()
     names = [name.strip() for name in split(header, delimiter)]
+    if len(max(names, key=len)) > LONGEST_NAME:
+        raise RecordingError(
+            f"{path}, line {head + 1} has a column name of {len(max(names, key=len))} characters: "
+            f"{max(names, key=len)[:40]}….",
+            possible=f"up to {LONGEST_NAME} characters",
+            remedy="correct the line with the names of the columns.",
+        )
     if numbers and (units := _units(split(lines[numbers[0]], delimiter), len(names))):
         names = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
         numbers = numbers[1:]

@@ -11,13 +11,17 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from armid.errors import RobotError
+from armid.input_boundary import boundary, read_text, within
 from armid.robot.angle_rounding import rounded
-from armid.robot.joint_selection import held_joints
+from armid.robot.joint_selection import JointOutline, held_joints
 from armid.robot.packages import forget, give_packages
 from armid.robot.readers import READERS, DescriptionFormat, DescriptionReader
 from armid.robot.robot import Robot
 
 Locked = Mapping[str, float] | Iterable[str]
+
+DAMAGED = "correct the description, or export it again."
+"""Remedy for a description that a reader cannot read."""
 
 ARMS = Path(__file__).parent / "arms"
 
@@ -63,11 +67,13 @@ def load_robot(
     asked = _values(lock if locked is None else locked)
     given = give_packages(packages or {})
     try:
-        text, source, reader = expanded(description)
-        held = held_joints(reader.outline(text, source=source), source, asked, _names(only), tip)
-        robot = reader.read(text, source=source, locked=held.at, tip=tip)
+        with boundary("a robot description", description, RobotError, remedy=DAMAGED):
+            text, source, reader = expanded(description)
+            held = held_joints(_outline(reader, text, source), source, asked, _names(only), tip)
+            robot = reader.read(text, source=source, locked=held.at, tip=tip)
     finally:
         forget(given)
+    within("joints", robot.n, source, RobotError)
     sha256 = robot.sha256 or hashlib.sha256(text.encode()).hexdigest()
     robot, _ = rounded(replace(robot, sha256=sha256, findings=(*robot.findings, *held.findings)), held.at)
     robot = robot.lock({name: value for name, value in held.at.items() if name in robot.joint_names})
@@ -78,9 +84,17 @@ def held_of(
     description: str | Path, *, lock: Locked = (), only: str | Sequence[str] = (), tip: str | None = None
 ) -> dict[str, float]:
     """Positions [rad or m] by name of all joints that `load_robot` would lock with the same arguments."""
-    text, source, reader = expanded(description)
-    outline = reader.outline(text, source=source)
+    with boundary("a robot description", description, RobotError, remedy=DAMAGED):
+        text, source, reader = expanded(description)
+        outline = _outline(reader, text, source)
     return dict(held_joints(outline, source, _values(lock), _names(only), tip).at)
+
+
+def _outline(reader: DescriptionReader, text: str, source: str) -> JointOutline:
+    """Joints of a description; raises an error if there are more than the limit `links`."""
+    outline = reader.outline(text, source=source)
+    within("links", len(outline.joints), source, RobotError)
+    return outline
 
 
 def _values(lock: Locked) -> dict[str, float | None]:
@@ -123,10 +137,7 @@ def _find(description: str | Path) -> tuple[str, str, DescriptionFormat]:
     formats = [form for form in READERS.values() if path.suffix.lower() in form.suffixes]
     if not formats or not path.is_file():
         raise _not_found(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise RobotError(f"{source} cannot be read: {error}.", remedy="give a UTF-8 text file.") from error
+    text = read_text(path, "a robot description", RobotError, remedy="give a UTF-8 text file.")
     # The later formats are not loaded once one recognises the text; where none does, the first one raises the error.
     known = (form for form in formats if len(formats) == 1 or form.reader.recognises(text))
     return text, source, next(known, formats[0])

@@ -9,6 +9,7 @@ from typing import NoReturn
 from xml.parsers import expat
 
 from armid.errors import RobotError
+from armid.input_boundary import limit, within
 
 XACRO = ("${", "$(")
 """Beginnings of expressions of xacro, which a URDF does not have."""
@@ -16,6 +17,8 @@ XACRO = ("${", "$(")
 
 def parse_xml(text: str, source: str) -> ET.Element:
     """Root element of an XML text.
+
+    Elements may be nested only as deeply as the limit `nesting` of `armid.input_boundary` allows.
 
     A document with a document type (DOCTYPE) is not accepted, because a document type could include other files or
     expand without bound. Robot descriptions do not need one.
@@ -25,8 +28,9 @@ def parse_xml(text: str, source: str) -> ET.Element:
         source: Path of the document, for messages.
 
     Raises:
-        RobotError: The text is not well-formed, or has a document type.
+        RobotError: The text is not well-formed, has a document type, or is nested too deeply.
     """
+    depth = 0
 
     def refuse(*_: object) -> NoReturn:
         raise RobotError(
@@ -35,8 +39,21 @@ def parse_xml(text: str, source: str) -> ET.Element:
             remedy="remove the declaration <!DOCTYPE …>, and replace entities by their text.",
         )
 
+    def enter(*_: object) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > deepest:
+            within("nesting", depth, f"{source}:{parser.CurrentLineNumber}", RobotError)
+
+    def leave(*_: object) -> None:
+        nonlocal depth
+        depth -= 1
+
+    deepest = limit("nesting")
     parser = expat.ParserCreate("utf-8")
     parser.StartDoctypeDeclHandler = refuse
+    parser.StartElementHandler = enter
+    parser.EndElementHandler = leave
     try:
         parser.Parse(text.encode(), True)
         return ET.fromstring(text)

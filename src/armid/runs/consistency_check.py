@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from armid.checked_array import Array
-from armid.errors import ArmidError, Finding, ModelError, did_you_mean
+from armid.errors import Finding, ModelError, did_you_mean
 from armid.estimation.estimate_record import collapse
 from armid.estimation.standard_parameter_resolution import StandardFit
 from armid.maths.inertia import com_inertia_to_vector, pseudo_inertia, vector_to_com_inertia
@@ -106,26 +103,6 @@ def usual_heaviest(robot: Robot) -> float:
     masses = np.array([0.0 if link.inertial is None else link.inertial.mass for link in robot.links])
     limit = HEAVIER * float(masses.max(initial=0.0))
     return limit if limit > 0.0 and not placeholder_masses(masses).any() else max(limit, HEAVIEST)
-
-
-def read_values(path: Path | str) -> dict[str, float]:
-    """Reads parameters by name from a JSON object.
-
-    Raises:
-        ArmidError: The file is missing or is not a JSON object of numbers.
-    """
-    try:
-        values = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ArmidError(f"{path} cannot be read: {error}.", remedy="give a JSON object {name: value}.") from error
-    if not isinstance(values, dict) or not values:
-        raise ArmidError(f"{path} is not a JSON object of parameters.", remedy='write {"ZZR_1": 0.05, …}.')
-    for name, value in values.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise ArmidError(
-                f"{path}: {name} must be a finite number; found {value!r}.", remedy="correct this value."
-            )
-    return {str(name): float(value) for name, value in values.items()}
 
 
 def read_plan(name: str) -> Motion:

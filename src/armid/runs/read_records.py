@@ -5,7 +5,7 @@ The records are made from a result in memory or read from the folder of a run, w
 
 from __future__ import annotations
 
-import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,12 +17,13 @@ from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.estimation.friction.selection import SelectionEvidence
 from armid.estimation.uncertainty.prediction_error import ExpectedError
+from armid.input_boundary import boundary, read_json
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.parameter_name import ParameterName
 from armid.runs.run import Run
 from armid.study.compare_methods import MethodEstimate, MethodScore, MethodTable
-from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, Study, parse_robot
+from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, Study, parse_robot, resolve_model
 from armid.study.identify import Result
 from armid.study.storage.records import SelectionSummary, selection_summary
 from armid.validation.left_out_error import LeftOutError
@@ -67,18 +68,13 @@ def read_records(run: Run) -> RunRecords:
     """
     study, validation = _read(run, "study"), _read(run, "validation")
     friction, methods = (_read(run, name) if _path(run, name).is_file() else None for name in ("friction", "compare"))
-    try:
+    with boundary("records of a run of this version of armid", run.folder, remedy="identify again."):
         return RunRecords(
             _study(study),
             _validation(validation),
             None if friction is None else _selection(friction),
             None if methods is None else _methods(methods),
         )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise ArmidError(
-            f"A record of {run.folder} is damaged or of another version ({type(error).__name__}: {error}).",
-            remedy="identify again.",
-        ) from error
 
 
 def trained_and_validated(run: Run, study: Study) -> list[tuple[RecordingChoice, str]]:
@@ -86,19 +82,48 @@ def trained_and_validated(run: Run, study: Study) -> list[tuple[RecordingChoice,
     return list(zip(study.recordings, run.estimate.recording_digests, strict=True))
 
 
+def study_of_run(run: Run) -> Study:
+    """Study of the earlier run, in which the folder of the run replaces the recordings.
+
+    Raises:
+        ArmidError: The file `study.json` of the run is damaged.
+    """
+    path = Path(run.folder) / "study.json"
+    record = read_json(path, "the study of a run", remedy="identify again.")
+    with boundary("the study of a run", path, remedy="identify again."):
+        return Study(
+            parse_robot(record["robot"]),
+            resolve_model(run.model),
+            (RecordingChoice(run.folder),),
+            run.processing,
+            EstimationChoice(**record["estimation"]),
+            record["folder"],
+        )
+
+
+def read_values(path: Path | str) -> dict[str, float]:
+    """Reads parameters by name from a JSON object.
+
+    Raises:
+        ArmidError: The file is missing or is not a JSON object of numbers.
+    """
+    values = read_json(path, "a JSON object of parameters", remedy="give a JSON object {name: value}.")
+    if not values:
+        raise ArmidError(f"{path} is not a JSON object of parameters.", remedy='write {"ZZR_1": 0.05, …}.')
+    for name, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise ArmidError(
+                f"{path}: {name} must be a finite number; found {value!r}.", remedy="correct this value."
+            )
+    return {str(name): float(value) for name, value in values.items()}
+
+
 def _path(run: Run, name: str) -> Path:
     return Path(run.folder) / f"{name}.json"
 
 
 def _read(run: Run, name: str) -> dict[str, Any]:
-    path = _path(run, name)
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ArmidError(f"{path} cannot be read: {error}.", remedy="identify again.") from error
-    if not isinstance(record, dict):
-        raise ArmidError(f"{path} does not contain a record of a run.", remedy="identify again.")
-    return record
+    return read_json(_path(run, name), "a record of a run", remedy="identify again.")
 
 
 def _study(record: Mapping[str, Any]) -> Study:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.doctor.rows_away_from_reversals import rows_near_reversals
-from armid.errors import ArmidError, EstimationError, Finding, StudyError
+from armid.errors import EstimationError, Finding, StudyError
 from armid.estimation.estimate_record import EARLIER_RUN, Estimate, InputDigest
 from armid.estimation.update.parameter_change import ParameterChange
 from armid.estimation.update.recalibration import recalibrate_fit
@@ -22,8 +21,8 @@ from armid.hashes import digest, sha256_of_file
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, stack, total
 from armid.runs.new_recordings import NewRecordings, link_columns, load_new_recordings
+from armid.runs.read_records import study_of_run
 from armid.runs.run import Run
-from armid.study.config import EstimationChoice, RecordingChoice, Study, parse_robot, resolve_model
 from armid.study.diagnosis import diagnosed_error
 from armid.study.identify import Result
 from armid.study.plausibility.estimate_findings import few_blocks_finding, negative_finding
@@ -152,7 +151,7 @@ def _result(
     scores, found = score_recordings(run.model, estimate, unseen)
     validation = contradicted(validate(run.robot.joint_names, scores, estimate), new_recordings.findings)
     recordings = tuple(each.choice for each in (*new_recordings.recordings, *unseen))
-    study = replace(_study(run), recordings=recordings)
+    study = replace(study_of_run(run), recordings=recordings)
     # The earlier training recordings took part in the estimate and must not validate it; their files may be missing.
     nothing = np.full(run.robot.n, np.nan)
     known = tuple(
@@ -160,25 +159,6 @@ def _result(
     )
     estimate = replace(estimate, findings=(*estimate.findings, *found))
     return Result(study, run.robot, run.model, information, estimate, validation, (*training, *known))
-
-
-def _study(run: Run) -> Study:
-    """Study of the earlier run, in which the folder of the run replaces the recordings."""
-    path = Path(run.folder) / "study.json"
-    try:
-        record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        return Study(
-            parse_robot(record["robot"]),
-            resolve_model(run.model),
-            (RecordingChoice(run.folder),),
-            run.processing,
-            EstimationChoice(**record["estimation"]),
-            record["folder"],
-        )
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ArmidError(
-            f"{path} is damaged or of another version ({type(error).__name__}: {error}).", remedy="identify again."
-        ) from error
 
 
 def _assumption_findings(new_recordings: NewRecordings, result: Result, changed: Changed) -> list[Finding]:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from armid.errors import ArmidError
 from armid.estimation.estimate_record import EARLIER_RUN
 from armid.estimation.update.parameter_change import ParameterChange
 from armid.hashes import sha256_of_file
+from armid.input_boundary import boundary, read_json
 from armid.runs.run import Run
 
 if TYPE_CHECKING:
@@ -63,8 +62,9 @@ def recorded_changes(before: Run, after: Run) -> tuple[ParameterChange, ...] | N
     made_from = {each.sha256 for each in after.estimate.made_from if each.role == EARLIER_RUN}
     if not path.is_file() or not estimate.is_file() or sha256_of_file(estimate) not in made_from:
         return None
-    try:
-        record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    remedy = "recalibrate again."
+    record = read_json(path, "changes of parameters", remedy=remedy)
+    with boundary("changes of parameters", path, remedy=remedy):
         return tuple(
             ParameterChange(
                 str(each["name"]),
@@ -75,7 +75,3 @@ def recorded_changes(before: Run, after: Run) -> tuple[ParameterChange, ...] | N
             )
             for each in record["changes"]
         )
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ArmidError(
-            f"{path} is damaged ({type(error).__name__}: {error}).", remedy="recalibrate again."
-        ) from error

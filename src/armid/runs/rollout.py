@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import ArmidError, Finding, StudyError
 from armid.estimation.estimate_record import torque_parameters
+from armid.input_boundary import read_json
 from armid.remedy import Remedy, setting
 from armid.runs.run import Run, format_of_new_recording
 from armid.study.config import RecordingChoice
@@ -65,13 +65,7 @@ def load_feedback(path: Path | str) -> Feedback:
     Raises:
         ArmidError: The file is missing, is not JSON, or has no gains.
     """
-    try:
-        content: Any = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ArmidError(
-            f"Controller gains cannot be read from {path}: {error}.", remedy="give a JSON file."
-        ) from error
-    table: Any = content.get("controller") if isinstance(content, Mapping) else None
+    table: Any = read_json(path, "controller gains", remedy="give a JSON file.").get("controller")
     if not isinstance(table, Mapping) or any(name not in table for name in GAINS[:2]):
         raise ArmidError(
             f"{path} has no controller gains.",

@@ -8,7 +8,6 @@ The folder is written under a temporary name and renamed when it is complete, so
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +19,8 @@ from armid.doctor.checks.signals.motor_side import CURRENT, MOTOR, UNIT
 from armid.errors import ArmidError
 from armid.estimation.estimate_record import Estimate
 from armid.estimation.link_properties import LinkTable, link_record, link_table
+from armid.hashes import sha256_of_file
+from armid.input_boundary import boundary, read_json
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.dynamics_model import DynamicsModel
@@ -41,6 +42,12 @@ from armid.study.storage.records import (
 )
 
 MARKER = "estimate.json"
+
+ARCHIVES = ("robot.npz", "information.npz", "estimate.npz")
+"""Archives of a run, whose digests are stored in `model.json`."""
+
+RUN, RUN_RECORD = "a run of this version of armid", "a record of a run of this version of armid"
+"""Names of the folder of a run and of its records, for messages."""
 
 FORMAT = 1
 """Number of the format of the folder of a run, stored in `model.json`. A run without this number has format 1."""
@@ -176,18 +183,14 @@ def load_run(folder: Path | str) -> Run:
         ArmidError: The folder is not a run, is damaged, or has a format that this version does not know.
     """
     folder = Path(folder)
-    if not (folder / MARKER).is_file():
+    with boundary(RUN, folder, remedy="give the folder that armid identify made."):
+        made = (folder / MARKER).is_file()
+    if not made:
         raise ArmidError(f"{folder} is not a run of armid.", remedy="give the folder that armid identify made.")
     kept = _model_record(folder)
-    try:
-        robot, estimate = load(Robot, folder / "robot.npz"), load(Estimate, folder / "estimate.npz")
-    except (KeyError, TypeError) as error:  # fields that another version did not have
-        raise ArmidError(
-            f"{folder} was made by another version of armid: its robot.npz or estimate.npz has other fields "
-            f"({type(error).__name__}: {error}).",
-            remedy="identify again.",
-        ) from error
-    try:
+    _check_archives(folder, kept)
+    robot, estimate = load(Robot, folder / "robot.npz"), load(Estimate, folder / "estimate.npz")
+    with boundary(RUN, folder, remedy="identify again."):
         return Run(
             str(folder),
             robot,
@@ -199,32 +202,30 @@ def load_run(folder: Path | str) -> Run:
             _verdict(folder),
             origin_of(kept),
         )
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise _damaged(folder, error) from error
+
+
+def _check_archives(folder: Path, kept: Mapping[str, Any]) -> None:
+    """Raises an error if an archive of a run differs from the one that was written; earlier runs have no digests."""
+    digests = kept.get("sha256")
+    for name, digest in digests.items() if isinstance(digests, Mapping) else ():
+        path = folder / name
+        if name in ARCHIVES and path.is_file() and sha256_of_file(path) != digest:
+            raise ArmidError(
+                f"{path} was changed or damaged after armid wrote it: its SHA-256 is not that in model.json.",
+                remedy="restore the folder from a copy, or identify again.",
+            )
 
 
 def _model_record(folder: Path) -> dict[str, Any]:
     """Contents of `model.json`, after a check that this version of armid can read the format of the run."""
-    try:
-        kept: dict[str, Any] = json.loads((folder / "model.json").read_text(encoding="utf-8"))
-        found = dict(kept).get("format", FORMAT)
-    except (OSError, ValueError, TypeError) as error:
-        raise _damaged(folder, error) from error
+    kept = read_json(folder / "model.json", RUN_RECORD, remedy="identify again.")
+    found = kept.get("format", FORMAT)
     if found != FORMAT:
         raise ArmidError(
             f"{folder} has format {found}; this version of armid reads format {FORMAT}.",
             remedy="update armid, or identify again with this version.",
         )
     return kept
-
-
-def _damaged(folder: Path, error: Exception) -> ArmidError:
-    """Error for a run whose records cannot be read."""
-    return ArmidError(
-        f"{folder} is damaged or of another version: its model.json or validation.json cannot be read "
-        f"({type(error).__name__}: {error}).",
-        remedy="identify again.",
-    )
 
 
 def format_of_new_recording(run: Run, changes: Mapping[str, Any]) -> LogFormat:
@@ -262,8 +263,10 @@ def with_edges(run: Run, edges: str | None) -> Run:
 
 def failed_checks(run: Run) -> list[str]:
     """Names of the checks that failed in the validation of a run."""
-    record: dict[str, Any] = json.loads((Path(run.folder) / "validation.json").read_text(encoding="utf-8"))
-    return [each["name"] for each in record.get("checks", []) if not each["ok"]]
+    path = Path(run.folder) / "validation.json"
+    record = read_json(path, RUN_RECORD, remedy="identify again.")
+    with boundary(RUN_RECORD, path, remedy="identify again."):
+        return [str(each["name"]) for each in record.get("checks", []) if not each["ok"]]
 
 
 def only_drive_gains_failed(run: Run) -> bool:
@@ -288,7 +291,7 @@ def only_drive_gains_failed(run: Run) -> bool:
 
 def _verdict(folder: Path) -> str:
     """Verdict of the validation of a run, from `validation.json`."""
-    return str(json.loads((folder / "validation.json").read_text(encoding="utf-8"))["verdict"])
+    return str(read_json(folder / "validation.json", RUN_RECORD, remedy="identify again.")["verdict"])
 
 
 def _model(robot: Robot, record: Mapping[str, Any]) -> DynamicsModel:
@@ -310,10 +313,10 @@ def _write(result: Result, draft: Path, made: RunOrigin) -> None:
         "made": origin_record(made),
     }
     replace_file(draft / "study.json", to_json(study_record(study)) + "\n")
+    for name, value in zip(ARCHIVES, (result.robot, result.information, result.estimate), strict=True):
+        save(value, draft / name)
+    model["sha256"] = {name: sha256_of_file(draft / name) for name in ARCHIVES}
     replace_file(draft / "model.json", to_json(model) + "\n")
-    save(result.robot, draft / "robot.npz")
-    save(result.information, draft / "information.npz")
-    save(result.estimate, draft / "estimate.npz")
     if result.friction_selection is not None:
         record = friction_selection_record(result.friction_selection, result.robot.joint_names)
         replace_file(draft / "friction.json", to_json(record) + "\n")

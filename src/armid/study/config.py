@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any, Literal, TypeVar
 
 from armid.errors import ArmidError, StudyError, did_you_mean
 from armid.estimation.catalogue import ESTIMATORS, Estimator
+from armid.input_boundary import boundary, read_toml
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.dynamics_model import DynamicsModel
@@ -188,15 +188,9 @@ def load_study(path: Path | str) -> Study:
         StudyError: The file is missing, is not valid TOML, has an unknown key or contradicts itself.
     """
     path = Path(path)
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise StudyError(
-            f"The study {path} cannot be read: {error}.", remedy="give the path of a study.toml."
-        ) from error
-    except tomllib.TOMLDecodeError as error:
-        raise StudyError(f"{path} is not valid TOML: {error}.", remedy="correct this line.") from error
-    return parse_study(table, str(path.parent))
+    table = read_toml(path, "a study", StudyError, remedy="give the path of a study.toml.")
+    with boundary("a study", path, StudyError, remedy="correct the keys that docs/study.md explains."):
+        return parse_study(table, str(path.parent))
 
 
 def parse_study(table: Mapping[str, Any], folder: str = ".") -> Study:

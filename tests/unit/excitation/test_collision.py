@@ -330,7 +330,7 @@ def test_environment(tmp_path):
         ("[[cone]]\nradius = 1", "unknown entry 'cone'"),
         ("[[box]]\nsize = [1, 1, 1]\nplace = [0, 0, 0]", "unknown key 'place'"),
         ("[[sphere]]\nxyz = [0, 0, 0]", "radius"),
-        ("[[", "is not an environment file"),
+        ("[[", "is not valid TOML"),
         (
             '[[sphere]]\nradius = 0.1\nxyz = [0, 0, 0]\nlink = "hand"',
             "panda has no link 'hand', so no link can carry this body",

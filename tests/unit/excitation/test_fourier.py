@@ -88,9 +88,9 @@ def test_plans_that_cannot_be_read(excitation, tmp_path):
         with pytest.raises(ArmidError, match=f"lacks the keys {key}"):
             load_plan(path)
     path.write_text("{")
-    with pytest.raises(ArmidError, match="is not a plan"):
+    with pytest.raises(ArmidError, match="cannot be read as a plan"):
         load_plan(path)
-    with pytest.raises(ArmidError, match="is not a plan"):
+    with pytest.raises(ArmidError, match="cannot be read as a plan"):
         load_plan(tmp_path / "missing.json")
     path.write_text(json.dumps({"robot": "arm", "poses": [[0.0]], "stretches": []}))
     with pytest.raises(ArmidError, match="plan of poses or sweeps"):

@@ -11,7 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from armid.dataclass_files import load
 from armid.errors import ArmidError, OutputError, StudyError
+from armid.estimation.estimate_record import Estimate
 from armid.excitation.fourier import save_plan
 from armid.measurement.log_format import LogFormat
 from armid.runs import run as run_module
@@ -239,7 +241,25 @@ def test_a_run_of_a_version_with_other_fields_is_refused(result: Result, tmp_pat
     arrays["value.json"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
     np.savez(path, **arrays)
     with pytest.raises(ArmidError, match="another version of armid"):
+        load(Estimate, path)
+
+
+@pytest.mark.parametrize("name", ["robot.npz", "estimate.npz", "information.npz"])
+def test_an_archive_that_was_changed_is_refused(result: Result, tmp_path: Path, name: str):
+    path = save_run(result, tmp_path / "run") / name
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(bytes(data))
+    with pytest.raises(ArmidError, match=rf"{name} was changed or damaged"):
         load_run(tmp_path / "run")
+
+
+def test_a_run_without_digests_is_read(result: Result, tmp_path: Path):
+    path = save_run(result, tmp_path / "run") / "model.json"
+    kept = json.loads(path.read_text())
+    assert set(kept.pop("sha256")) == {"robot.npz", "estimate.npz", "information.npz"}
+    path.write_text(json.dumps(kept))
+    assert load_run(tmp_path / "run").estimate.method == result.estimate.method
 
 
 def test_a_run_of_a_later_format_is_refused(result: Result, tmp_path: Path):

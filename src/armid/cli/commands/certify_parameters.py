@@ -53,9 +53,7 @@ def certify(
             "Ixx_1), and friction (FV_1, FS_1).",
         ),
     ] = None,
-    motion: Annotated[
-        str | None, typer.Option(metavar="PLAN", help="Also check the mass matrix along this plan.")
-    ] = None,
+    motion: Annotated[str | None, typer.Option(metavar="PLAN", help="Check the mass matrix along it, too.")] = None,
     heaviest: Annotated[
         float | None,
         typer.Option(
@@ -85,6 +83,7 @@ def certify(
         armid certify iiwa14-r820 values.json --gravity 0 0 9.81 --motion thesis-a2
     """
     from armid.runs import consistency_check as stage
+    from armid.runs.read_records import read_values
     from armid.runs.run import load_run
     from armid.study.config import load_choice
     from armid.validation.inertial_checks.findings import check_inertials
@@ -94,7 +93,7 @@ def certify(
         verdict = stage.certify_run(load_run(subject), motion=along, heaviest=heaviest)
     else:
         robot = load_choice(robot_choice(subject, gravity, lock, only, tip, package))
-        named = stage.described_values(robot) if values is None else stage.read_values(values)
+        named = stage.described_values(robot) if values is None else read_values(values)
         shapes = check_inertials(robot) if values is None else None
         verdict = stage.certify_named(robot, named, motion=along, heaviest=heaviest)
     _show(verdict, shapes, motion, as_json=json)

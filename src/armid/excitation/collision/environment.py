@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from armid.errors import ArmidError, did_you_mean
+from armid.input_boundary import read_toml
 from armid.maths.rotations import homogeneous, rpy_rotation
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape, rotation_with_z
@@ -39,13 +39,9 @@ def load_environment(path: Path | str, robot: Robot) -> tuple[Shape, ...]:
         ArmidError: The file is missing or not a valid environment file.
     """
     path = Path(path)
-    try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ArmidError(
-            f"{path} is not an environment file: {error}.",
-            remedy="give a TOML file with tables [[box]], [[sphere]] or [[half-space]].",
-        ) from error
+    document = read_toml(
+        path, "an environment", remedy="give a TOML file with tables [[box]], [[sphere]] or [[half-space]]."
+    )
     shapes: list[Shape] = []
     for kind, tables in document.items():
         if kind not in ENVIRONMENT or not isinstance(tables, list):
@@ -55,6 +51,8 @@ def load_environment(path: Path | str, robot: Robot) -> tuple[Shape, ...]:
                 remedy="write one of these, with double brackets.",
             )
         for number, table in enumerate(tables, 1):
+            if not isinstance(table, dict):
+                raise ArmidError(f"{path}: {kind} {number} is not a table.", remedy=f"write [[{kind}]] and its keys.")
             unknown = set(table) - set(ENVIRONMENT[kind])
             if unknown:
                 raise ArmidError(

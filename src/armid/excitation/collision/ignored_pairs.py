@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from armid.errors import ArmidError, did_you_mean
+from armid.input_boundary import read_text
 from armid.robot.collision_body_names import BodyPair, link_of
 from armid.robot.joint_selection import matching
+from armid.robot.xml import parse_xml
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,12 +110,9 @@ def ignored_of_srdf(path: Path | str) -> tuple[IgnoredBodies, ...]:
         ArmidError: The file is missing, is not XML, or disables no collisions.
     """
     path = Path(path)
-    try:
-        root = ET.fromstring(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, ET.ParseError) as error:
-        raise ArmidError(
-            f"{path} is not an SRDF file: {error}.", remedy="give the SRDF file of the arm's MoveIt package."
-        ) from error
+    root = parse_xml(
+        read_text(path, "an SRDF file", remedy="give the SRDF file of the arm's MoveIt package."), str(path)
+    )
     found = tuple(
         IgnoredBodies(
             each.get("link1", ""),

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from armid.errors import ArmidError
 from armid.excitation.formats.sampled_motion import SampledMotion
+from armid.input_boundary import boundary
 from armid.model.motion import Motion
 
 SUFFIX = ".mat"
@@ -47,17 +47,11 @@ def read(content: bytes) -> SampledMotion:
         ArmidError: The file is not one that `write` has written.
     """
     from scipy.io import loadmat  # slow to import
-    from scipy.io.matlab import MatReadError
 
-    try:
+    with boundary("a motion of armid excite in MAT", "The file", remedy="give a file that armid excite has written."):
         values: Any = loadmat(io.BytesIO(content), squeeze_me=True)
         time = np.atleast_1d(values["t"])
         states = [np.asarray(values[key], dtype=np.float64).reshape(len(time), -1) for key in ("q", "dq", "ddq")]
         joints = tuple(str(name) for name in np.atleast_1d(values["joints"]))
-    except (MatReadError, ValueError, KeyError, TypeError, OSError, RuntimeError) as error:
-        raise ArmidError(
-            f"The file was read as a motion of armid excite in MAT, but this fails: {error}.",
-            remedy="give a file that armid excite has written.",
-        ) from error
-    plan = str(values["plan"]) if "plan" in values else ""
-    return SampledMotion("", joints, (False,) * len(joints), Motion(time, *states), plan)
+        plan = str(values["plan"]) if "plan" in values else ""
+        return SampledMotion("", joints, (False,) * len(joints), Motion(time, *states), plan)

@@ -10,6 +10,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.excitation.formats.sampled_motion import DECIMALS, PLAN_MARK, SampledMotion, plan_in_comments
+from armid.input_boundary import boundary
 from armid.model.motion import Motion
 
 SUFFIX = ".trajectory.yaml"
@@ -55,14 +56,17 @@ def read(content: bytes) -> SampledMotion:
     """
     text = content.decode(errors="replace")
     names, _, points = text.partition("points:")
-    joints = [json.loads(line[2:]) for line in names.splitlines() if line.startswith("- ")]
-    found = POINT.findall(points)
+    remedy = "give a file that armid excite has written."
+    with boundary("a ROS 2 trajectory", "The file", remedy=remedy):
+        joints = [str(json.loads(line[2:])) for line in names.splitlines() if line.startswith("- ")]
+        found = POINT.findall(points)
     if not joints or not found:
         raise ArmidError(
             "The file is not a ROS 2 trajectory: joint_names or points are missing.",
-            remedy="give a file that armid excite has written.",
+            remedy=remedy,
         )
-    states = (np.array([json.loads(point[k]) for point in found], dtype=np.float64) for k in range(3))
-    time = np.array([int(point[3]) + 1e-9 * int(point[4]) for point in found])
-    plan = plan_in_comments(text, "#")
-    return SampledMotion("", tuple(joints), (False,) * len(joints), Motion(time, *states), plan)
+    with boundary("a ROS 2 trajectory", "The file", remedy=remedy):
+        states = (np.array([json.loads(point[k]) for point in found], dtype=np.float64) for k in range(3))
+        time = np.array([int(point[3]) + 1e-9 * int(point[4]) for point in found])
+        plan = plan_in_comments(text, "#")
+        return SampledMotion("", tuple(joints), (False,) * len(joints), Motion(time, *states), plan)

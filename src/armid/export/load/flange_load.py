@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from armid.errors import ArmidError, OutputError
 from armid.estimation.update.payload import LOAD_NAMES, com_intervals, inertia_intervals
 from armid.export.input_digest_check import find_source
 from armid.export.load.principal_axes import PrincipalAxes, principal_axes, rotation_spread
+from armid.input_boundary import boundary, read_json
 from armid.maths.inertia import (
     about_com,
     about_com_slope,
@@ -137,14 +137,10 @@ def read_load(path: Path | str, flange: str | None = None) -> FlangeLoad:
     """
     path = Path(path)
     path = path / "payload.json" if path.is_dir() else path
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
+    what, remedy = "a payload of this version of armid", "run armid payload RUN RECORDING… --out FOLDER again."
+    record = read_json(path, what, OutputError, remedy=remedy)
+    with boundary(what, path, OutputError, remedy=remedy):
         return _moved(record, None, flange)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise OutputError(
-            f"{path} is not a payload that this version of armid has stored: {type(error).__name__}, {error}.",
-            remedy="run armid payload RUN RECORDING… --out FOLDER again.",
-        ) from error
 
 
 def _moved(record: Mapping[str, Any], run: Run | None, flange: str | None) -> FlangeLoad:

@@ -19,6 +19,10 @@ from armid.remedy import Assignment, Remedy, setting
 MIN_SAMPLES = 10
 """Smallest number of samples of a recording; fewer are not enough for derivatives at both ends and for residuals."""
 
+LARGEST = 1e15
+"""Largest value of a channel in the unit of the log. Counts of encoders are below 2^40, and squares of larger values
+spoil every fit."""
+
 MOST_HOLES, LARGEST_HOLES = 8, 0.2
 """Largest number of segments with non-finite values, and largest share of the rows of a recording that lie in them,
 for which the remedy is to exclude these segments. If there are more, the channel is faulty."""
@@ -112,7 +116,7 @@ def _check_exclude(recording: Recording, log_format: LogFormat) -> None:
 def _without_excluded_nan(recording: Recording, log_format: LogFormat) -> Recording:
     """Drops excluded rows with NaN if the recording has a clock; the dropped rows then appear as a gap."""
     _check_exclude(recording, log_format)
-    broken = ~np.isfinite(_everything(recording)).all(axis=1)
+    broken = (~_is_number(_everything(recording))).any(axis=1)
     if recording.time is None or not log_format.exclude or not broken.any():
         return recording
     return select_rows(recording, ~(broken & _excluded(recording, log_format)))
@@ -138,15 +142,21 @@ def _everything(recording: Recording) -> Array:
     return np.hstack([values for values in measured if values is not None])
 
 
+def _is_number(values: Array) -> NDArray[np.bool_]:
+    """Mask of the values that are finite and not above `LARGEST`, in the shape of the values."""
+    return np.abs(values) <= LARGEST  # false for NaN
+
+
 def _refuse_nan(recording: Recording, log_format: LogFormat) -> None:
-    """Raises an error if a value is not finite; the remedy of the error gives the intervals to exclude."""
+    """Raises an error if a value is not finite or too large; the remedy gives the intervals to exclude."""
     for name in ("time", "q", "dq", "ddq", "effort"):
         values = getattr(recording, name)
-        if values is None or np.isfinite(values).all():
+        good = None if values is None else np.isfinite(values) if name == "time" else _is_number(values)
+        if values is None or good is None or good.all():
             continue
-        bad = np.argwhere(~np.isfinite(values))
+        bad = np.argwhere(~good)
         row = int(bad[0, 0])
-        empty = [] if values.ndim == 1 else np.flatnonzero(~np.isfinite(values).any(axis=0)).tolist()
+        empty = [] if values.ndim == 1 else np.flatnonzero(~good.any(axis=0)).tolist()
         if empty and name not in ("dq", "ddq"):
             raise recording_error(
                 "value-missing",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
+from armid.input_boundary import within
 from armid.maths.median import median
 from armid.maths.signals.resampling import resample
 from armid.measurement.recording import Recording
@@ -50,6 +51,9 @@ CONTINUED = 3
 """Number of samples by which a periodic motion is continued before it is resampled: one to reach the end of the
 period, and two so that the spline has points on both sides."""
 
+
+ALWAYS_RESAMPLED = 1e6
+"""Number of samples that every uniform grid may have."""
 
 BRIEF = 1.0
 """Length of a segment, in periods of the cut-off, below which the segment is too short for a filter. Without this
@@ -343,6 +347,9 @@ def uniform(segment: Segment, rate: float, period: float | None = None) -> Segme
         order = np.append(order, again[again < len(time)])
         time = np.append(time, segment.time[order[len(time) :]] + period)
         end = min(end + (1.0 - 1e-9) / segment.rate, float(time[-1]))
+    wanted = (end - float(time[0])) * rate
+    if not wanted <= ALWAYS_RESAMPLED:
+        within("resampled", wanted / segment.samples, "The uniform grid of a recording", RecordingError)
     grid = time[0] + np.arange(int((end - time[0]) * rate * (1 + 1e-12)) + 1) / rate
     before = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 2)
 

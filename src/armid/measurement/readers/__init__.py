@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from armid.errors import RecordingError
+from armid.input_boundary import boundary, within
 from armid.measurement.bag_files import sha256_of_recording
 from armid.measurement.catalogue import READERS, RecordingFormat, recording_suffixes
 from armid.measurement.log_format import LogFormat
@@ -28,8 +29,12 @@ def load_recording(path: Path | str, log_format: LogFormat | None = None, robot:
         MissingExtraError: The format needs a package that is not installed.
     """
     path = Path(path)
-    recording = _format(path).reader.read(path, log_format or LogFormat(), robot)
-    return replace(recording, source=str(path), sha256=sha256_of_recording(path))
+    with boundary("a recording", path, RecordingError, remedy="give the path of a file that exists."):
+        form = _format(path)
+    with boundary(form.title, path, RecordingError, remedy=form.repair):
+        recording = form.reader.read(path, log_format or LogFormat(), robot)
+        within("samples", recording.samples, str(path), RecordingError)
+        return replace(recording, source=str(path), sha256=sha256_of_recording(path))
 
 
 def _format(path: Path) -> RecordingFormat:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sqlite3
-import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -60,21 +58,15 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
         from rosbags.highlevel import AnyReader
     except ImportError as error:
         raise MissingExtraError("rosbags", "Reading ROS bags", EXTRA) from error
-    try:
-        with opened(path) as paths:
-            store = None if paths[0].suffix == ".bag" else _store()
-            with AnyReader(paths, default_typestore=store) as bag:
-                if store is not None:
-                    missing = {
-                        name: each for name, each in store.fielddefs.items() if name not in bag.typestore.fielddefs
-                    }
-                    bag.typestore.register(missing)
-                return _read_open(bag, log_format, robot, path)
-    except _faults() as error:
-        raise RecordingError(
-            f"{path} cannot be read as a bag ({error}).",
-            remedy="copy it again, or repair it (rosbag reindex, ros2 bag reindex).",
-        ) from error
+    with opened(path) as paths:
+        store = None if paths[0].suffix == ".bag" else _store()
+        with AnyReader(paths, default_typestore=store) as bag:
+            if store is not None:
+                missing = {
+                    name: each for name, each in store.fielddefs.items() if name not in bag.typestore.fielddefs
+                }
+                bag.typestore.register(missing)
+            return _read_open(bag, log_format, robot, path)
 
 
 def _read_open(bag: Any, log_format: LogFormat, robot: Robot | None, path: Path) -> Recording:
@@ -218,33 +210,3 @@ def _store() -> Any:
     for name, text in DEFINITIONS.items():
         store.register(get_types_from_msg(text, name))
     return store
-
-
-def _faults() -> tuple[type[Exception], ...]:
-    """Types of the exceptions that damaged bags cause, raised by rosbags, SQLite or Python itself."""
-    from rosbags import highlevel, rosbag1, rosbag2, serde, typesys
-
-    own = (highlevel.AnyReaderError, rosbag1.ReaderError, rosbag2.ReaderError, serde.SerdeError, typesys.TypesysError)
-    plain = (
-        OSError,
-        ValueError,
-        LookupError,
-        ArithmeticError,
-        TypeError,
-        AttributeError,
-        AssertionError,
-        MemoryError,
-    )
-    found: list[type[Exception]] = [*own, *plain, struct.error, *_fault("backports.zstd", "ZstdError")]
-    # Older versions of rosbags read `.db3` with sqlite3.
-    return (*found, *(_fault("apsw", "Error") or [sqlite3.Error]))
-
-
-def _fault(module: str, name: str) -> list[type[Exception]]:
-    """Exception class `name` of a package on which rosbags depends; empty if the package is not installed."""
-    import importlib
-
-    try:
-        return [getattr(importlib.import_module(module), name)]
-    except (ImportError, AttributeError):
-        return []

@@ -8,9 +8,11 @@ import lzma
 import zlib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from armid.checked_array import Array
 from armid.errors import MissingExtraError, RecordingError
+from armid.input_boundary import most_unpacked, within_unpacked
 from armid.measurement.columns.column_selection import assemble, select
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
@@ -55,26 +57,25 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
 
 def _unpacked(path: Path) -> bytes:
     """Reads a file as bytes and decompresses them if the suffix is that of a compressed file."""
-    data = path.read_bytes()
-    suffix = path.suffix.lower()
+    openers = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open, ".zst": _open_zstd}
+    opener = openers.get(path.suffix.lower())
+    if opener is None:
+        return path.read_bytes()
+    most = most_unpacked(path)
     try:
-        if suffix == ".gz":
-            return gzip.decompress(data)
-        if suffix == ".xz":
-            return lzma.decompress(data)
-        if suffix == ".bz2":
-            return bz2.decompress(data)
-        return _unpacked_zstd(data) if suffix == ".zst" else data
+        with opener(path) as stream:
+            data = stream.read(most + 1)
     except (OSError, EOFError, ValueError, zlib.error, lzma.LZMAError) as error:
         raise RecordingError(
             f"{path} cannot be unpacked ({error}).", remedy="copy the file again, because its end may be missing."
         ) from error
+    within_unpacked(len(data), path, RecordingError)
+    return data
 
 
-def _unpacked_zstd(data: bytes) -> bytes:
+def _open_zstd(path: Path) -> Any:
     try:
         import pyarrow as pa
     except ImportError as error:
         raise MissingExtraError("pyarrow", "Unpacking zstd", EXTRA) from error
-    with pa.CompressedInputStream(pa.BufferReader(data), "zstd") as stream:
-        return stream.read()
+    return pa.CompressedInputStream(pa.OSFile(str(path)), "zstd")

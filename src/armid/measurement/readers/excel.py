@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import zipfile
 from collections.abc import Sequence
 from datetime import date, datetime, time, timedelta
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import MissingExtraError, RecordingError
+from armid.input_boundary import within, within_unpacked
 from armid.measurement.columns.column_selection import assemble, select
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
@@ -34,15 +36,13 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
         calamine = importlib.import_module(PACKAGE)
     except ImportError as error:
         raise MissingExtraError("python-calamine", "Reading workbooks", EXTRA) from error
-    try:
-        with calamine.CalamineWorkbook.from_path(str(path)) as book:
-            opened = [book.get_sheet_by_name(name) for name in book.sheet_names]
-            sheets = [((sheet.start or (0, 0))[0], sheet.to_python(skip_empty_area=True)) for sheet in opened]
-    except (calamine.CalamineError, OSError, ValueError) as error:
-        raise RecordingError(
-            f"{path} cannot be read as a workbook ({error}).",
-            remedy="copy the file again, or export the sheet as CSV.",
-        ) from error
+    with zipfile.ZipFile(path) as archive:
+        within_unpacked(sum(member.file_size for member in archive.infolist()), path, RecordingError)
+    with calamine.CalamineWorkbook.from_path(str(path)) as book:
+        opened = [book.get_sheet_by_name(name) for name in book.sheet_names]
+        for sheet in opened:  # a cell far away makes a sheet of many empty cells
+            within("samples", sheet.height * sheet.width, str(path), RecordingError)
+        sheets = [((sheet.start or (0, 0))[0], sheet.to_python(skip_empty_area=True)) for sheet in opened]
     for first, rows in sheets:
         head = next((k for k, row in enumerate(rows) if _is_header(row)), None)
         if head is not None and len(rows) > head + 1:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import struct
-import zlib
+import math
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import MissingExtraError, RecordingError
+from armid.input_boundary import within_unpacked
 from armid.measurement.columns.column_selection import Selection, assemble, numeric, select
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
@@ -46,30 +46,22 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
 def _read_v5(path: Path, log_format: LogFormat, robot: Robot | None) -> Recording:
     """Reads a MATLAB file of version 5 or older."""
     # Imported here, since it takes 0.3 s, which only MATLAB files need.
-    from scipy.io import loadmat, matlab, whosmat
+    from scipy.io import loadmat, whosmat
 
-    try:
-        classes = {name: kind for name, _, kind in whosmat(path, appendmat=False)}
+    listed = whosmat(path, appendmat=False)
+    classes = {name: kind for name, _, kind in listed}
+    for _, shape, kind in listed:
+        if kind in NUMERIC:
+            within_unpacked(8 * math.prod(map(float, shape)), path, RecordingError)
 
-        def values(name: str) -> Array:
-            _refuse_objects({name: classes[name]}, path)
-            return numeric(loadmat(path, appendmat=False, variable_names=[name])[name], name, path)
+    def values(name: str) -> Array:
+        _refuse_objects({name: classes[name]}, path)
+        return numeric(loadmat(path, appendmat=False, variable_names=[name])[name], name, path)
 
-        selection = select(list(classes), log_format, path, robot, matrices=True, values=values)
-        _refuse_objects({name: classes[name] for name in selection.names}, path)
-        labels = [name for name in NAMES if classes.get(name) in ("cell", "char")][:1]
-        data = loadmat(path, appendmat=False, variable_names=[*selection.names, *labels])
-    except (
-        matlab.MatReadError,
-        OSError,
-        ValueError,
-        TypeError,
-        IndexError,
-        KeyError,
-        zlib.error,
-        struct.error,
-    ) as error:
-        raise _unreadable(path, error) from error
+    selection = select(list(classes), log_format, path, robot, matrices=True, values=values)
+    _refuse_objects({name: classes[name] for name in selection.names}, path)
+    labels = [name for name in NAMES if classes.get(name) in ("cell", "char")][:1]
+    data = loadmat(path, appendmat=False, variable_names=[*selection.names, *labels])
     names = [str(cell).strip() for cell in _flat(data[labels[0]])] if labels else []
     return _assembled(selection, data, log_format, path, names)
 
@@ -80,22 +72,23 @@ def _read_v73(path: Path, log_format: LogFormat, robot: Robot | None) -> Recordi
         import h5py
     except ImportError as error:
         raise MissingExtraError("h5py", "Reading MATLAB files of version 7.3", EXTRA) from error
-    try:
-        with h5py.File(path, "r") as file:
-            classes = {name: _class_v73(item) for name, item in file.items() if not name.startswith("#")}
+    with h5py.File(path, "r") as file:
+        classes = {name: _class_v73(item) for name, item in file.items() if not name.startswith("#")}
 
-            def values(name: str) -> Array:
-                _refuse_objects({name: classes[name]}, path)
-                return numeric(np.asarray(file[name]), name, path)
+        def matrix(name: str) -> NDArray[Any]:
+            _refuse_objects({name: classes[name]}, path)
+            item: Any = file[name]
+            within_unpacked(float(item.size) * item.dtype.itemsize, path, RecordingError)
+            return np.asarray(item)
 
-            selection = select(list(classes), log_format, path, robot, matrices=True, values=values)
-            _refuse_objects({name: classes[name] for name in selection.names}, path)
-            data = {name: np.atleast_2d(np.asarray(file[name])).T for name in selection.names}
-            label = next((name for name in NAMES if classes.get(name) == "cell"), None)
-            references = np.asarray(file[label]).reshape(-1) if label else []
-            names = ["".join(map(chr, np.asarray(file[r]).reshape(-1))) for r in references]
-    except (OSError, ValueError, TypeError, KeyError, RuntimeError) as error:
-        raise _unreadable(path, error) from error
+        def values(name: str) -> Array:
+            return numeric(matrix(name), name, path)
+
+        selection = select(list(classes), log_format, path, robot, matrices=True, values=values)
+        data = {name: np.atleast_2d(matrix(name)).T for name in selection.names}
+        label = next((name for name in NAMES if classes.get(name) == "cell"), None)
+        references = np.asarray(file[label]).reshape(-1) if label else []
+        names = ["".join(map(chr, np.asarray(file[r]).reshape(-1))) for r in references]
     return _assembled(selection, data, log_format, path, names)
 
 
@@ -139,11 +132,3 @@ def _refuse_objects(classes: dict[str, str], path: Path) -> None:
 def _flat(cells: NDArray[Any]) -> list[Any]:
     """Strings in a cell or char array, as a list."""
     return [cell.item() if isinstance(cell, np.ndarray) else cell for cell in np.asarray(cells).reshape(-1)]
-
-
-def _unreadable(path: Path, error: Exception) -> RecordingError:
-    return RecordingError(
-        f"{path} cannot be read as a MATLAB file ({error}).",
-        possible=".mat files of version 5 or 7.3",
-        remedy="save the file again with MATLAB or scipy.io.savemat, or copy it again if its end is missing.",
-    )

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from armid.checked_array import Array
-from armid.dataclass_files import load
+from armid.dataclass_files import load, refuse_large_archive
 from armid.errors import RecordingError
 from armid.measurement.columns.column_selection import assemble, numeric, select
 from armid.measurement.log_format import LogFormat
@@ -37,18 +35,16 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
                     remedy="save an archive with numpy.savez(path, t=t, q=q, tau=tau).",
                 )
             with archive:
+                refuse_large_archive(archive, path, RecordingError)
                 return _recording(archive, log_format, robot, path)
-    except (OSError, EOFError, ValueError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+    except ValueError as error:
         if "pickle" in str(error):
             raise RecordingError(
                 f"{path} contains Python objects, not only plain arrays. To read them, pickle would be needed; "
                 "armid does not use it, because it can run any code.",
                 remedy="save arrays of numbers with numpy.savez.",
             ) from error
-        raise RecordingError(
-            f"{path} cannot be read as a NumPy archive ({error}).",
-            remedy="copy the file again, because it may be damaged.",
-        ) from error
+        raise
 
 
 def _recording(archive: np.lib.npyio.NpzFile, log_format: LogFormat, robot: Robot | None, path: Path) -> Recording:

@@ -8,6 +8,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import MissingExtraError, RecordingError
+from armid.input_boundary import within, within_unpacked
 from armid.measurement.columns.column_selection import assemble, numeric, select
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
@@ -24,23 +25,18 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
         MissingExtraError: pyarrow is not installed.
     """
     try:
-        import pyarrow as pa
         import pyarrow.parquet as pq
     except ImportError as error:
         raise MissingExtraError("pyarrow", "Reading Parquet", EXTRA) from error
-    try:
-        with pq.ParquetFile(path) as file:
+    with pq.ParquetFile(path) as file:
+        within("samples", file.metadata.num_rows, str(path), RecordingError)
 
-            def values(name: str) -> Array:
-                return numeric(np.asarray(file.read(columns=[name])[name].to_numpy()), name, path)
+        def values(name: str) -> Array:
+            return numeric(np.asarray(file.read(columns=[name])[name].to_numpy()), name, path)
 
-            selection = select(file.schema_arrow.names, log_format, path, robot, values=values)
-            table = file.read(columns=list(selection.names))
-    except (pa.ArrowException, OSError) as error:
-        raise RecordingError(
-            f"{path} cannot be read as Parquet ({error}).",
-            remedy="copy the file again, because its end may be missing.",
-        ) from error
+        selection = select(file.schema_arrow.names, log_format, path, robot, values=values)
+        within_unpacked(8 * file.metadata.num_rows * len(selection.names), path, RecordingError)
+        table = file.read(columns=list(selection.names))
 
     def column(name: str) -> Array:
         return numeric(np.asarray(table[name].to_numpy()), name, path)

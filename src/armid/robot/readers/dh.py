@@ -53,7 +53,6 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -64,6 +63,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import Finding, RobotError, did_you_mean
+from armid.input_boundary import parse_toml
 from armid.maths.rotations import homogeneous, rotation_x, rotation_z, rpy_rotation
 from armid.robot.collision_body_names import BodyName
 from armid.robot.joint_selection import JointOutline, SelectedJoint
@@ -102,12 +102,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     Raises:
         RobotError: The text is not a valid DH table; the message names the wrong key and lists the possible keys.
     """
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise RobotError(
-            f"{source} is not valid TOML: {error}.", remedy="correct the line that the message names."
-        ) from error
+    document = parse_toml(text, source, RobotError)
     top = _Table(document, source)
     top.only(TOP)
     convention = top.choice("convention", tuple(ROWS))

@@ -10,14 +10,20 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from xml.parsers.expat import ExpatError
+from typing import Any
 
 from armid.errors import MissingExtraError, RobotError
+from armid.input_boundary import reason
 from armid.robot.joint_selection import JointOutline
 from armid.robot.packages import REMEDY, given_packages, package_folders
 from armid.robot.readers import urdf
 from armid.robot.robot import Robot
+from armid.robot.urdf.xacro_expression import evaluate
 from armid.robot.xml import parse_xml, root_tag
+
+MOST_CALLS = 5000
+"""Largest number of calls of macros. Macros that call others twice would double the description again and again; the
+largest descriptions known have some hundreds."""
 
 
 def recognises(text: str) -> bool:
@@ -63,29 +69,30 @@ def expand(text: str, source: str) -> str:
     try:
         import xacro
         import xacrodoc
-        from xacro.substitution_args import SubstitutionException
+        from xacro import substitution_args
     except ImportError as error:
         raise MissingExtraError("xacrodoc", f"Reading {source}", "xacro") from error
     parse_xml(text, source)
     xacrodoc.packages.reset()  # else folders of packages of an earlier description are used
     xacrodoc.packages.walk_up_from(source)
-    faults = (
-        xacro.XacroException,
-        SubstitutionException,
-        xacrodoc.packages.PackageNotFoundError,
-        OSError,
-        ValueError,
-        ExpatError,
-    )
+    xacro.safe_eval = evaluate
+    counted = _count_calls(xacro)
+    setattr(substitution_args, "_eval", _evaluate_argument)  # noqa: B010 - it is private
     xacrodoc.packages.update_package_cache(dict(given_packages()))
     asked: set[str] = set()
     while True:
         try:
             # xacro resolves relative includes against the first file of a global stack.
             xacro.init_stacks(str(Path(source).resolve()))
+            counted.clear()
             document = xacrodoc.XacroDoc.from_string(text, resolve_packages=False)
             return document.dom.toxml()
-        except faults as error:
+        except Exception as error:
+            refused = _refusal(error)
+            if refused is not None:
+                raise RobotError(
+                    f"{source}: {refused.problem}", possible=refused.possible, remedy=refused.remedy
+                ) from error
             lacking = LACKING.search(str(error))
             name = "" if lacking is None else lacking[1]
             places = package_folders(name, source) if name and name not in asked else []
@@ -93,6 +100,44 @@ def expand(text: str, source: str) -> str:
                 raise _unexpanded(source, error, name) from error
             asked.add(name)
             xacrodoc.packages.update_package_cache({name: str(places[0])})
+
+
+def _count_calls(xacro: Any) -> list[None]:
+    """Lets xacro count the calls of macros, and refuse too many; the returned list has an entry for each call."""
+    plain = getattr(xacro.handle_macro_call, "plain", xacro.handle_macro_call)
+    calls: list[None] = []
+
+    def handle_macro_call(*arguments: Any) -> Any:
+        calls.append(None)
+        if len(calls) > MOST_CALLS:
+            raise RobotError(
+                f"More than {MOST_CALLS} macros are called.", remedy="expand the file with xacro, and give the URDF."
+            )
+        return plain(*arguments)
+
+    handle_macro_call.plain = plain
+    xacro.handle_macro_call = handle_macro_call
+    return calls
+
+
+def _evaluate_argument(text: str, context: dict[str, Any]) -> str:
+    """Value of `$(eval …)`; a replacement of the function of xacro, which would run any expression."""
+    from xacro import substitution_args
+
+    given = context.setdefault("arg", {})
+    arguments = {name: substitution_args.convert_value(value, "auto") for name, value in given.items()}
+    names = {**vars(substitution_args)["_eval_dict"], "arg": arguments.__getitem__}
+    return str(evaluate(text, names, arguments))
+
+
+def _refusal(error: BaseException | None) -> RobotError | None:
+    """Error of a refused expression among the causes of an error of xacro; `None` if there is none."""
+    seen = 0
+    while error is not None and seen < 100:
+        if isinstance(error, RobotError):
+            return error
+        error, seen = getattr(error, "exc", None) or error.__cause__ or error.__context__, seen + 1
+    return None
 
 
 LACKING = re.compile(r"Package not found: (\S+)")
@@ -108,6 +153,6 @@ def _unexpanded(source: str, error: Exception, package: str) -> RobotError:
             "the URDF.",
         )
     return RobotError(
-        f"{source} cannot be expanded by xacro: {' '.join(str(error).split())}",
+        f"{source} cannot be expanded by xacro: {reason(error)}",
         remedy="expand the file where its packages are installed, and give the URDF.",
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,9 +15,13 @@ from armid.excitation.limits.joint_limits import Limits
 from armid.excitation.plan import Plan
 from armid.excitation.poses_and_sweeps import Moves
 from armid.excitation.thesis_plans import PLANS, builtin_plan
+from armid.input_boundary import boundary, read_json
 from armid.model.motion import Motion
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
+
+PLAN, REMEDY = "a plan", "give a plan.json that armid excite has written, or design the plan again."
+"""Name of a file of a plan, and remedy if it is damaged, for messages."""
 
 
 def is_plan(name: str) -> bool:
@@ -115,16 +118,11 @@ def read_whole_plan(name: str) -> tuple[Plan | Moves, tuple[Shape, ...]]:
     if name in PLANS:
         return Plan(builtin_plan(name)), ()
     path = Path(name) / PLAN_FILE if Path(name).is_dir() else Path(name)
-    try:
-        record: Any = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ArmidError(
-            f"{path} cannot be read as a plan: {error}.", remedy="give a plan.json that armid excite has written."
-        ) from error
-    if isinstance(record, dict) and "stretches" in record:
+    record = read_json(path, PLAN, remedy=REMEDY)
+    if "stretches" in record:
         return _moves(record, path), ()
     series = load_plan(path)
-    try:
+    with boundary(PLAN, path, remedy=REMEDY):
         plan = Plan(
             series,
             int(record.get("repetitions", 1)),
@@ -134,8 +132,6 @@ def read_whole_plan(name: str) -> tuple[Plan | Moves, tuple[Shape, ...]]:
             float(record.get("lead_out", 0.0)),
         )
         return plan, tuple(_shape(each) for each in record.get("surroundings", ()))
-    except (KeyError, TypeError, ValueError) as error:
-        raise ArmidError(f"{path} is no plan: {error}.", remedy="design the plan again with armid excite.") from error
 
 
 def limits_of_plan(name: str, robot: Robot) -> Limits | None:
@@ -151,9 +147,9 @@ def limits_of_plan(name: str, robot: Robot) -> Limits | None:
     path = Path(name) / PLAN_FILE if Path(name).is_dir() else Path(name)
     if name in PLANS or not path.is_file():
         return None
-    try:
-        record: Any = json.loads(path.read_text(encoding="utf-8"))
-        limits = record.get("joint_limits")
+    record = read_json(path, PLAN, remedy=REMEDY)
+    with boundary("a plan with `joint_limits`", path, remedy=REMEDY):
+        limits: Any = record.get("joint_limits")
         if limits is None or tuple(record.get("joints", ())) != robot.joint_names:
             return None
         values = {
@@ -161,11 +157,6 @@ def limits_of_plan(name: str, robot: Robot) -> Limits | None:
             for key, unknown in LIMITS_LEFT_OUT.items()
         }
         return Limits(robot.joint_names, **values)
-    except (AttributeError, KeyError, OSError, TypeError, ValueError) as error:
-        raise ArmidError(
-            f"The key `joint_limits` of {path} cannot be read: {error}.",
-            remedy="design the plan again with armid excite.",
-        ) from error
 
 
 LIMITS_LEFT_OUT = {"lower": -np.inf, "upper": np.inf} | dict.fromkeys(
@@ -195,7 +186,7 @@ def _pose(values: Sequence[float] | None) -> np.ndarray[Any, np.dtype[np.float64
 
 
 def _moves(record: Mapping[str, Any], path: Path) -> Moves:
-    try:
+    with boundary(PLAN, path, remedy=REMEDY):
         segments = record["stretches"]
         return Moves(
             tuple(record["joints"]),
@@ -204,5 +195,3 @@ def _moves(record: Mapping[str, Any], path: Path) -> Moves:
             np.array(record["speeds"], dtype=np.float64),
             tuple(str(each["kind"]) for each in segments),
         )
-    except (KeyError, TypeError, ValueError) as error:
-        raise ArmidError(f"{path} is no plan: {error}.", remedy="design the plan again with armid excite.") from error

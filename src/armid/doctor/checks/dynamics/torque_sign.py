@@ -208,7 +208,7 @@ def relative_signs(state: LogState) -> tuple[Array, float, NDArray[np.bool_]]:
     while True:
         trials = np.array([cost_of(rows, pairs, _flipped(sign, j)) for j in range(rows.n)])
         best = int(np.argmin(trials))
-        if trials[best] > cost - FLIP:
+        if not trials[best] <= cost - FLIP:  # also where costs are not finite
             return sign, begin - cost, np.abs(trials - cost) < FLIP
         sign[best], cost = -sign[best], trials[best]
 

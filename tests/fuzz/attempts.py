@@ -1,0 +1,233 @@
+"""Runs of commands on damaged inputs, each in a process of its own with limits of time and memory."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import json
+import math
+import os
+import re
+import resource
+import shutil
+import signal
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from zlib import crc32
+
+import numpy as np
+from kinds import KINDS, Command
+
+SECONDS = 30.0
+"""CPU time after which a command counts as hung."""
+
+STALLED = 120.0
+"""Wall time after which a command counts as hung, even if it does not compute."""
+
+MEMORY = 1.5e9
+"""Resident memory above which a command on one of the small inputs fails [bytes]."""
+
+ADDRESSES = 6_000_000_000
+"""Limit of the address space of a command; beyond it, an allocation fails [bytes]."""
+
+LARGEST_KEPT = 10_000_000
+"""Size of a file above which it is not copied [bytes]."""
+
+NEAR = 0.01
+"""Relative difference of base parameters above which a result counts as another one than that of the clean input."""
+
+FAILURES = ("traceback", "crash", "hang", "memory", "silent", "wrong")
+"""Outcomes that are faults of armid."""
+
+UNEXPECTED = 70
+"""Exit code of the command line after an error that it did not expect."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """Outcome of a command on a damaged input.
+
+    Attributes:
+        kind: Kind of input.
+        seed: Seed of the damage.
+        command: Name of the command.
+        outcome: `ok`, `refused`, or one of `FAILURES`.
+        detail: Place and text of an unexpected error, or the signal that ended the process.
+    """
+
+    kind: str
+    seed: int
+    command: str
+    outcome: str
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Answer of an identification: base parameters by name, and severity and code of each finding."""
+
+    values: dict[str, float]
+    codes: frozenset[str]
+
+
+def attempts(
+    name: str, seeds: range, clean: Path, keep: Path | None = None, *, every: bool = False
+) -> Iterator[Outcome]:
+    """Damages the input of a kind once for each seed, and runs a command that reads it, or all of them.
+
+    Args:
+        name: Kind of input.
+        seeds: Seeds of the damages.
+        clean: Folder of the clean inputs.
+        keep: Folder to which inputs are copied that cause a failure; `None` to keep none.
+        every: True if all commands that read the kind are run, false for one of them, chosen by the seed.
+    """
+    kind = KINDS[name]
+    gc.freeze()  # else the first collection in each process copies all memory
+    for seed in seeds:
+        with tempfile.TemporaryDirectory() as place:
+            folder = Path(place) / "in"
+            shutil.copytree(clean, folder, copy_function=os.link)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                kind.damage(folder, np.random.default_rng([crc32(name.encode()), seed]))
+            failed = False
+            chosen = kind.commands if every else kind.commands[seed % len(kind.commands) :][:1]
+            for command in chosen:
+                outcome, detail = _attempt(name, command, folder, clean)
+                failed |= outcome in FAILURES
+                yield Outcome(name, seed, command[0], outcome, detail)
+            if failed and keep is not None:
+                _keep(clean, folder, keep / f"{name}-{seed}")
+
+
+def _keep(clean: Path, folder: Path, to: Path) -> None:
+    """Copies the files that differ from the clean ones."""
+    for path in folder.rglob("*"):
+        twin = clean / path.relative_to(folder)
+        if (
+            path.is_file()
+            and path.stat().st_size < 10_000_000
+            and not (twin.is_file() and twin.stat().st_ino == path.stat().st_ino)
+        ):
+            (to / path.relative_to(folder)).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(path, to / path.relative_to(folder))
+
+
+@cache
+def _answer(name: str, clean: Path) -> Answer:
+    """Answer of the identification to the clean input of a kind."""
+    command = next(each for each in KINDS[name].commands if "--json" in each)
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "in"
+        shutil.copytree(clean, folder)
+        status, out, err, _ = _in_child(command, folder)
+        if status != 0:
+            raise RuntimeError(f"{command} fails on the clean input: {err}")
+        return Answer(_values(out), frozenset(_codes(err)))
+
+
+def _attempt(name: str, command: Command, folder: Path, clean: Path) -> tuple[str, str]:
+    """Outcome and detail of a command in a folder."""
+    options = folder / "options.json"
+    if options.is_file():
+        command = (*command, *json.loads(options.read_text()))
+    status, out, err, memory = _in_child(command, folder)
+    if status in (-signal.SIGXCPU, -signal.SIGALRM):
+        return "hang", " ".join(command)
+    if status < 0:
+        return "crash", f"{signal.Signals(-status).name} {' '.join(command)}"
+    if memory > MEMORY:
+        return "memory", f"{memory / 1e9:.1f} GB"
+    if status == UNEXPECTED:
+        return "traceback", err.strip().splitlines()[-1] if err.strip() else "?"
+    if status not in (0, 1):
+        return ("refused", "") if err.strip() or out.strip() else ("silent", f"exit code {status}")
+    if status == 0 and "--json" in command:
+        return _compared(out, err, _answer(name, clean))
+    return "ok", ""
+
+
+def _codes(err: str) -> set[str]:
+    """Severity and code of each finding among the messages of a command."""
+    return set(re.findall(r"(?m)^(?:error|warning|info) [a-z-]+", err))
+
+
+def _compared(out: str, err: str, expected: Answer) -> tuple[str, str]:
+    """Compares the answer of an identification with that to the clean input."""
+    if _codes(err) - expected.codes:
+        return "ok", ""
+    values, truth = _values(out), expected.values
+    scale = math.sqrt(sum(value**2 for value in truth.values()))
+    worst = max((abs(values.get(name, math.inf) - value) for name, value in truth.items()), default=math.inf)
+    if values.keys() == truth.keys() and worst <= NEAR * scale:
+        return "ok", ""
+    return "wrong", f"base parameters differ by {worst / scale:.2g} of their norm, and no finding says so"
+
+
+def _values(out: str) -> dict[str, float]:
+    """Base parameters by name in the JSON of an identification."""
+    return {each["name"]: each["value"] for each in json.loads(out)["base_parameters"]}
+
+
+def _in_child(command: Command, folder: Path) -> tuple[int, str, str, float]:
+    """Exit code (negative for a signal), output, messages and resident memory [bytes] of a command."""
+    out, err = folder.parent / "out", folder.parent / "err"
+    sys.stdout.flush()
+    sys.stderr.flush()
+    child = os.fork()
+    if not child:
+        _be_child(command, folder, out, err)
+    begin = time.monotonic()
+    while True:
+        done, state, used = os.wait4(child, os.WNOHANG)
+        if done:
+            break
+        if time.monotonic() - begin > STALLED:
+            os.kill(child, signal.SIGALRM)
+        time.sleep(0.005)
+    status = os.waitstatus_to_exitcode(state)
+    return status, out.read_text(errors="replace"), err.read_text(errors="replace"), 1024.0 * used.ru_maxrss
+
+
+def _be_child(command: Command, folder: Path, out: Path, err: Path) -> None:
+    """Runs a command in this process, and ends the process."""
+    status = UNEXPECTED
+    try:
+        for path, stream in ((out, 1), (err, 2)):
+            os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), stream)
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_CPU, (int(SECONDS), int(SECONDS) + 5))
+        resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        os.environ["ARMID_TRACES"] = str(folder.parent)
+        os.chdir(folder)
+        from armid.cli.main import main
+
+        try:
+            main(list(command))
+            status = 0
+        except SystemExit as ended:
+            status = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
+        except BaseException as error:
+            os.write(2, (f"\n{_place_of(error)}\n").encode("utf-8", "replace"))
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(Exception):
+                stream.flush()
+    finally:
+        os._exit(status & 0xFF)
+
+
+def _place_of(error: BaseException) -> str:
+    """One line about an error: type, place in armid and place where it was raised."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if "/armid/" in frame.filename]
+    places = [f"{Path(frame.filename).name}:{frame.lineno}" for frame in (*own[-1:], *frames[-1:])]
+    return f"{type(error).__name__} at {' from '.join(dict.fromkeys(places))}: {' '.join(str(error).split())[:100]}"

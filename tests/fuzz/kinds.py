@@ -1,0 +1,342 @@
+"""Kinds of input that the command line reads: a clean example, its mutators and the commands that read it."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import shutil
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from array_mutators import Arrays, damage_arrays
+from byte_mutators import damage_bytes, damage_text
+from numpy.random import Generator
+from numpy.typing import NDArray
+from option_mutators import damage_options
+from tree_mutators import damage_json, damage_toml, damage_xml
+
+Damage = Callable[[Path, Generator], None]
+"""Function that damages the input in a folder with a clean one."""
+
+Command = tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """Kind of input.
+
+    Attributes:
+        commands: Command lines that read the input, in the folder of the clean inputs.
+        damage: Function that damages the input.
+    """
+
+    commands: tuple[Command, ...]
+    damage: Damage
+
+
+# Files ------------------------------------------------------------------------------------------------------------
+
+
+def of_bytes(name: str) -> Damage:
+    """Damage to the bytes of a file."""
+
+    def damage(folder: Path, rng: Generator) -> None:
+        _write(folder / name, damage_bytes((folder / name).read_bytes(), rng))
+
+    return damage
+
+
+def of_text(name: str) -> Damage:
+    """Damage to the numbers, words and lines of a text file; sometimes to its bytes."""
+
+    def damage(folder: Path, rng: Generator) -> None:
+        path = folder / name
+        if not rng.integers(5):
+            return of_bytes(name)(folder, rng)
+        return _write(path, damage_text(path.read_text(), rng).encode("utf-8", "replace"))
+
+    return damage
+
+
+def of_record(name: str, mutator: Callable[[str, Generator], bytes]) -> Damage:
+    """Damage to a file of JSON, TOML or XML."""
+
+    def damage(folder: Path, rng: Generator) -> None:
+        _write(folder / name, mutator((folder / name).read_text(), rng))
+
+    return damage
+
+
+def of_arrays(name: str, writer: Callable[[Arrays, Path], None]) -> Damage:
+    """Damage to the arrays that a file contains, or to its bytes."""
+
+    def damage(folder: Path, rng: Generator) -> None:
+        if not rng.integers(2):
+            return of_bytes(name)(folder, rng)
+        table = damage_arrays(dict(np.load(folder / "table.npz")), rng)
+        (folder / name).unlink()
+        try:
+            writer(table, folder / name)
+        except Exception:
+            # The format cannot contain such arrays.
+            _write(folder / name, b"")
+        return None
+
+    return damage
+
+
+def _write(path: Path, data: bytes) -> None:
+    """Writes a file anew; the clean file may be a hard link, so it is not overwritten."""
+    path.unlink(missing_ok=True)
+    path.write_bytes(data)
+
+
+# Writers of arrays --------------------------------------------------------------------------------------------------
+
+
+def write_npz(table: Arrays, path: Path) -> None:
+    np.savez(path, **table)  # pyright: ignore[reportArgumentType]
+
+
+def write_mat(table: Arrays, path: Path) -> None:
+    import scipy.io
+
+    scipy.io.savemat(path, table, do_compression=False)
+
+
+def write_parquet(table: Arrays, path: Path) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        pq.write_table(pa.table({name: pa.array(list(each)) for name, each in table.items()}), path)
+    except pa.ArrowException as error:
+        raise ValueError(str(error)) from error
+
+
+def write_mat73(table: Arrays, path: Path) -> None:
+    from recordings import write_v73
+
+    write_v73(path, table)
+
+
+def write_excel(table: Arrays, path: Path) -> None:
+    from recordings import write_workbook
+
+    write_workbook(path, {name: each.tolist() for name, each in table.items()})
+
+
+def write_bag(suffix: str) -> Callable[[Arrays, Path], None]:
+    """Writer of a bag, whose messages contain what the arrays contain."""
+
+    def write(table: Arrays, path: Path) -> None:
+        from recordings import write_bag
+
+        time = np.nan_to_num(table["t"].astype(float).reshape(-1))
+        count = len(time)
+        messages = [
+            {
+                "stamp": int(np.clip(1.6e18 + 1e9 * time[i], 0, 2e18)),
+                "name": ["joint_1", "joint_2", "joint_3"][: sum(name.startswith("q") for name in table)],
+                **{
+                    field: _row(table, short, i)
+                    for field, short in (("position", "q"), ("velocity", "dq"), ("effort", "tau"))
+                },
+            }
+            for i in range(min(count, 800))
+        ]
+        folder = path.with_name(f"bag_of_{path.name}")
+        folder.mkdir()
+        shutil.move(_write_messages(write_bag, folder, suffix, messages), path)
+        shutil.rmtree(folder)
+
+    return write
+
+
+def _row(table: Arrays, short: str, i: int) -> NDArray[np.float64]:
+    """Values of a quantity in one row of a table, without channels that are missing."""
+    cells = [table[name][i : i + 1] for j in (1, 2, 3) if (name := f"{short}{j}") in table]
+    return np.concatenate([np.zeros(0), *(np.asarray(cell, dtype=np.float64).reshape(-1) for cell in cells)])
+
+
+def _write_messages(write_bag: Any, folder: Path, suffix: str, messages: list[dict[str, Any]]) -> Path:
+    import recordings
+
+    stamps, recordings.STAMPS = (
+        recordings.STAMPS,
+        1_600_000_000_000_000_000 + 10_000_000 * np.arange(len(messages) + 1),
+    )
+    try:
+        return write_bag(folder, suffix, {"/joint_states": messages})
+    finally:
+        recordings.STAMPS = stamps
+
+
+def npz_declared(name: str) -> Damage:
+    """Damage to the headers of the arrays in an archive, which declare shape and type."""
+
+    def damage(folder: Path, rng: Generator) -> None:
+        path = folder / name
+        with zipfile.ZipFile(path) as archive:
+            members = {each: archive.read(each) for each in archive.namelist()}
+        member = list(members)[int(rng.integers(len(members)))]
+        text = members[member]
+        shapes = (b"(800000000000,)", b"(-1,)", b"(10,)", b"()", b"(0,)", b"(2, 400)", b"(1e3,)", b"'x'", b"(" * 300)
+        types = (b"'|O'", b"'<f4'", b"'<U9'", b"'V'", b"'<c16'", b"None", b"[('a','<f8')]", b"'<i8'", b"'M8[s]'")
+        choice = shapes[int(rng.integers(len(shapes)))] if rng.integers(2) else types[int(rng.integers(len(types)))]
+        old = text[text.find(b"(") : text.find(b")") + 1] if choice in shapes else b"'<f8'"
+        members[member] = text.replace(old, choice.ljust(len(old)), 1)
+        path.unlink()
+        with zipfile.ZipFile(path, "w", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED][int(rng.integers(2))]) as archive:
+            for each, data in members.items():
+                archive.writestr(each, data)
+
+    return damage
+
+
+def archive_values(name: str) -> Damage:
+    """Damage to the JSON header or to an array of a value that armid saved."""
+
+    def damage(folder: Path, rng: Generator) -> None:
+        path = folder / name
+        with np.load(path) as archive:
+            arrays = {each: archive[each] for each in archive.files}
+        if rng.integers(3):
+            text = damage_json(bytes(arrays["value.json"]).decode(), rng)
+            arrays["value.json"] = np.frombuffer(text or b" ", dtype=np.uint8)
+        else:
+            others = {
+                each: values
+                for each, values in arrays.items()
+                if each != "value.json" and values.ndim and values.size
+            }
+            damaged = damage_arrays(others, rng) if others else {}
+            arrays = {"value.json": arrays["value.json"], **damaged}
+        path.unlink()
+        np.savez(path, **arrays)  # pyright: ignore[reportArgumentType]
+
+    return damage
+
+
+def any_of(*damages: Damage) -> Damage:
+    """One of several damages."""
+
+    def damage(folder: Path, rng: Generator) -> None:
+        damages[int(rng.integers(len(damages)))](folder, rng)
+
+    return damage
+
+
+def every_motion(folder: Path, rng: Generator) -> None:
+    """Damage to each of the motion files of a plan."""
+    for damage in (of_text("plan.csv"), of_text("plan.trajectory.yaml"), of_bytes("plan.mat")):
+        damage(folder, rng)
+
+
+def run_folder(folder: Path, rng: Generator) -> None:
+    """Damage to one of the files of a run."""
+    files = sorted(path.name for path in (folder / "run").iterdir() if path.is_file())
+    weights = np.array([3.0 if name in ("model.json", "robot.npz", "estimate.npz") else 1.0 for name in files])
+    name = str(rng.choice(files, p=weights / weights.sum()))
+    path = folder / "run" / name
+    kind = rng.integers(8)
+    if kind == 0:
+        path.unlink()
+    elif kind == 1:
+        of_bytes(f"run/{name}")(folder, rng)
+    elif name.endswith(".json"):
+        of_record(f"run/{name}", damage_json)(folder, rng)
+    elif name.endswith(".npz"):
+        any_of(archive_values(f"run/{name}"), archive_values(f"run/{name}"), npz_declared(f"run/{name}"))(folder, rng)
+    else:
+        of_bytes(f"run/{name}")(folder, rng)
+
+
+def compressed(folder: Path, rng: Generator) -> None:
+    """Damage to a compressed text table, or a small file that unpacks to much."""
+    if not rng.integers(12):
+        rows = gzip.compress(b"1,2,3,4,5,6,7\n" * 300_000, 9)
+        return _write(folder / "log.csv.gz", gzip.compress((folder / "log.csv").read_bytes()) + rows * 400)
+    return of_bytes("log.csv.gz")(folder, rng)
+
+
+def options(folder: Path, rng: Generator) -> None:
+    """Options of a command with wrong values; the harness appends them to the command line."""
+    (folder / "options.json").write_text(json.dumps(damage_options(rng)))
+
+
+def recording(name: str, damage: Damage) -> Kind:
+    """Kind of a recording, which the doctor and the identification read."""
+    commands = (("doctor", "small.urdf", name), ("identify", "small.urdf", name, "--json", "--out", "new"))
+    return Kind(commands, damage)
+
+
+def description(name: str, mutator: Callable[[str, Generator], bytes]) -> Kind:
+    """Kind of a description of a robot."""
+    commands = (("base", name), ("preview", name, "--out", "page.html"), ("doctor", name, "log.csv"))
+    return Kind(commands, of_record(name, mutator))
+
+
+KINDS: dict[str, Kind] = {
+    "csv": recording("log.csv", of_text("log.csv")),
+    "text": recording("log.txt", of_text("log.txt")),
+    "gzip": recording("log.csv.gz", compressed),
+    "excel": recording("log.xlsx", of_arrays("log.xlsx", write_excel)),
+    "npz": recording("log.npz", any_of(of_arrays("log.npz", write_npz), npz_declared("log.npz"))),
+    "saved": recording("saved.npz", any_of(archive_values("saved.npz"), npz_declared("saved.npz"))),
+    "mat": recording("log.mat", of_arrays("log.mat", write_mat)),
+    "mat73": recording("log73.mat", of_arrays("log73.mat", write_mat73)),
+    "parquet": recording("log.parquet", of_arrays("log.parquet", write_parquet)),
+    "bag": recording("log.bag", of_arrays("log.bag", write_bag(".bag"))),
+    "db3": recording("log.db3", of_arrays("log.db3", write_bag(".db3"))),
+    "mcap": recording("log.mcap", of_arrays("log.mcap", write_bag(".mcap"))),
+    "urdf": description("small.urdf", damage_xml),
+    "xacro": description("arm.xacro", damage_xml),
+    "mjcf": description("arm.mjcf", damage_xml),
+    "dh": description("arm.toml", damage_toml),
+    "study": Kind(
+        (("doctor", "study.toml"), ("identify", "study.toml", "--out", "new")),
+        of_record("study.toml", damage_toml),
+    ),
+    "plan": Kind(
+        (
+            ("predict", "run", "plan.json"),
+            ("simulate", "small.urdf", "plan.json", "--mode", "inverse-dynamics", "--out", "sim"),
+            ("preview", "small.urdf", "plan.json", "--out", "page.html"),
+        ),
+        of_record("plan.json", damage_json),
+    ),
+    "motion": Kind(
+        (("predict", "run", "plan.csv"), ("predict", "run", "plan.trajectory.yaml"), ("predict", "run", "plan.mat")),
+        every_motion,
+    ),
+    "run": Kind(
+        (
+            ("predict", "run", "log.csv"),
+            ("validate", "run", "other.csv"),
+            ("report", "run"),
+            ("export", "run", "--to", "cpp", "--out", "exported"),
+            ("certify", "run"),
+            ("payload", "run", "other.csv"),
+            ("track", "run", "other.csv"),
+        ),
+        run_folder,
+    ),
+    "lab": Kind(
+        (("simulate", "small.urdf", "plan.json", "--options", "lab.toml", "--out", "sim"),),
+        of_record("lab.toml", damage_toml),
+    ),
+    "environment": Kind(
+        (("preview", "small.urdf", "plan.json", "--environment", "environment.toml", "--out", "page.html"),),
+        of_record("environment.toml", damage_toml),
+    ),
+    "payload": Kind(
+        (("payload", "payload/payload.json", "--to", "ur"),), of_record("payload/payload.json", damage_json)
+    ),
+    "options": Kind((("doctor", "small.urdf", "log.csv"), ("predict", "run", "log.csv")), options),
+}
+"""Kinds of input by name."""
