@@ -22,7 +22,7 @@ from armid.robot.shapes import Shape
 
 
 def is_plan(name: str) -> bool:
-    """True for the name of a built-in plan, of a `plan.json` or of a folder with one."""
+    """True if a name is that of a built-in plan, of a `plan.json`, or of a folder that contains a `plan.json`."""
     return name in PLANS or name.endswith(".json") or (Path(name) / PLAN_FILE).is_file()
 
 
@@ -41,7 +41,7 @@ def series_of(name: str) -> Excitation:
 
 
 def motion_of_plan(name: str, robot: Robot, rate: float) -> Motion | None:
-    """Motion of a plan or of a motion file for a controller; `None` if the name belongs to something else.
+    """Motion of a plan or of a motion file for a controller; `None` if the name is that of neither of them.
 
     Args:
         name: A built-in plan, a `plan.json`, a folder with one, or a motion in one of the formats of `armid excite`.
@@ -86,8 +86,9 @@ def other_joints_of_plan(name: str, robot: Robot) -> tuple[Finding, ...]:
             "warning",
             "",
             f"{name} was designed for the joints {', '.join(joints)}, but those of {robot.name} are "
-            f"{', '.join(robot.joint_names)}. The positions are taken in the order of the joints.",
-            "if the plan is for another arm, give one for this arm; if only the names differ, nothing is to be done.",
+            f"{', '.join(robot.joint_names)}. The joints are matched by their order, not by their names.",
+            "if the plan is for another arm, give a plan for this arm; if only the names of the joints differ, no "
+            "action is needed.",
         ),
     )
 
@@ -171,7 +172,7 @@ def limits_of_plan(name: str, robot: Robot) -> Limits | None:
 LIMITS_LEFT_OUT = {"lower": -np.inf, "upper": np.inf} | dict.fromkeys(
     ("velocity", "acceleration", "jerk", "effort"), np.inf
 )
-"""Values that limits have if they are null in a `plan.json`, by kind."""
+"""Values that stand for null (no limit) in the joint limits of a `plan.json`, by kind of limit."""
 
 
 def limits_record(limits: Limits) -> dict[str, Any]:
