@@ -73,7 +73,7 @@ def read_all(
 
 
 def scale_deviation(choices: Sequence[RecordingChoice], robot: Robot) -> Array:
-    """Relative standard deviation of the torque scale of each joint: the largest value that a recording states.
+    """Relative standard deviation of the torque scale of each joint: the largest value that any recording states.
 
     Args:
         choices: Recordings with their log formats.
