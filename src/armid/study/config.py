@@ -32,8 +32,7 @@ Shapes = Mapping[str, Any] | Sequence[Mapping[str, Any]]
 
 PLAIN_METHOD = "wls"
 AUTOMATIC_METHOD = "auto"
-"""Default estimation methods: the first one if the study gives the friction terms; the second one, which stands for
-the method that the selection of friction finds suitable, if armid selects them."""
+"""Default estimation methods: for terms that the study names; for terms that armid selects (method that suits them)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,6 +46,6 @@ def speed_finding(robot: Robot, trained: Array | None, requested: Array, where: 
         "speed-beyond",
         "warning",
         "",
-        f"{where}: {'; '.join(beyond)}. At higher speeds than in training, friction is extrapolated, not measured.",
+        f"{where}: {'; '.join(beyond)}. At such speeds, friction is extrapolated, not measured.",
         "record a training motion that is as fast as this motion, and identify again.",
     )

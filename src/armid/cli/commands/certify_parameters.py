@@ -157,8 +157,8 @@ def _shapes(check: InertialCheck) -> str:
     named = [name for name in check.named if name in check.measures]
     found = f"{len(named)} {'does' if len(named) == 1 else 'do'} not agree" if named else "all agree"
     return (
-        f"shapes: {len(check.measures)} of {check.bodies} bodies compared with the hull of their shapes, which their "
-        f"mass fills with {densities[0]:.0f} to {densities[-1]:.0f} kg/m³; {found}"
+        f"shapes: {len(check.measures)} of {check.bodies} bodies compared with the hull of their shapes; mass "
+        f"divided by the volume of the hull: {densities[0]:.0f} to {densities[-1]:.0f} kg/m³; {found}"
     )
 
 

@@ -144,7 +144,7 @@ def export(
         return _ensemble(run, to, ensemble, out, seed, motion, description, choices, json=json)
     if motion is not None:
         raise OutputError(
-            "--motion is the motion of --ensemble, which is missing.",
+            "--motion has an effect only together with --ensemble, which is not given.",
             remedy="give --ensemble N too; armid predict writes the torque of one model along a motion.",
         )
     if to in LANGUAGES:

@@ -28,7 +28,8 @@ PayloadLinkName = Annotated[
     typer.Option(
         "--link",
         metavar="NAME",
-        help="Link that carries the payload; results are in the frame of this link. By default the tip frame.",
+        help="Link that carries the payload; the results are in its frame. By default the link of the tip frame, "
+        "with results in the tip frame.",
         autocompletion=moving_links,
     ),
 ]
@@ -318,7 +319,9 @@ def _parameters(record: dict[str, Any]) -> Table:
 
     parameters = record["parameters"]
     differs = any(not np.array_equal(p["interval95"], p["statistical95"], equal_nan=True) for p in parameters)
-    table = Table(title="Parameters about the origin of the frame, which the torques determine", header_style="bold")
+    table = Table(
+        title="Inertial parameters about the origin of the frame; the torques determine these", header_style="bold"
+    )
     names = ["parameter", "value", "unit", "95 % interval", *(["if gains are exact"] if differs else []), "status"]
     for name in names:
         table.add_column(name, justify="left" if name in ("parameter", "unit", "status") else "right")
