@@ -32,7 +32,7 @@ Shapes = Mapping[str, Any] | Sequence[Mapping[str, Any]]
 
 PLAIN_METHOD = "wls"
 AUTOMATIC_METHOD = "auto"
-"""Default estimation methods: for terms that the study names; for terms that armid selects (method that suits them)."""
+"""Default estimation methods: for terms that the study names, and for terms that armid selects (a fitting one)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,9 +195,7 @@ def load_study(path: Path | str) -> Study:
             f"The study {path} cannot be read: {error}.", remedy="give the path of a study.toml."
         ) from error
     except tomllib.TOMLDecodeError as error:
-        raise StudyError(
-            f"{path} is not valid TOML: {error}.", remedy="correct the line that the message names."
-        ) from error
+        raise StudyError(f"{path} is not valid TOML: {error}.", remedy="correct the named line.") from error
     return parse_study(table, str(path.parent))
 
 
