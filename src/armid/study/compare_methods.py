@@ -203,7 +203,7 @@ def compare_record(table: MethodTable) -> dict[str, Any]:
 def _score(
     prepared: Prepared, problem: EstimationProblem, name: str, unseen: UnseenError
 ) -> tuple[MethodScore, MethodEstimate | None]:
-    """Estimates with the named method and returns its scores and values; if it fails, scores with only the reason."""
+    """Estimates with one method; returns its scores and its values, which are `None` if the method fails."""
     model, base = prepared.model, prepared.base
     nothing = np.full(model.n, np.nan)
     began = time.perf_counter()

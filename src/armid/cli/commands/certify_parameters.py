@@ -122,8 +122,8 @@ def _report(verdict: Verdict, motion: str | None, shapes: InertialCheck | None =
     from armid.cli.console import output_console, print_findings
 
     console, certificate = output_console(), verdict.certificate
-    yes = "[bold green]physically consistent[/]: links with positive density can have them"
-    no = "[bold red]not physically consistent[/]: no links with positive density can have them"
+    yes = "[bold green]physically consistent[/]: links with positive density can have these parameters"
+    no = "[bold red]not physically consistent[/]: no links with positive density can have these parameters"
     console.print(f"{verdict.kind} parameters: {yes if certificate.feasible else no}")
     if not certificate.feasible:
         console.print(f"  {_change(certificate)}")

@@ -68,7 +68,7 @@ Ensemble = Annotated[
     typer.Option(
         "--ensemble",
         metavar="N",
-        help="Write N possible arms, drawn from the distribution of the estimate, into the folder --out.",
+        help="Write N robot descriptions, with parameters drawn from the distribution of the estimate, to --out.",
     ),
 ]
 Seed = Annotated[int, typer.Option("--seed", help="Seed of the draws of --ensemble.")]

@@ -305,7 +305,7 @@ def _body(payload: Payload) -> Table:
     for pair in pairs:
         i, j = ("xyz".index(axis) for axis in pair)
         ends = load.inertia_intervals[INERTIA_INDEX.index((i, j))]
-        table.add_row(f"inertia about it I{pair}", f"{inertia[i, j]:.5f}", "kg·m²", _interval(ends, 5))
+        table.add_row(f"inertia about this centre I{pair}", f"{inertia[i, j]:.5f}", "kg·m²", _interval(ends, 5))
     return table
 
 

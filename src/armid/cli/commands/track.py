@@ -79,7 +79,7 @@ def track(
     else:
         _report(earlier, tracked, tool=tool)
         if out is not None:
-            sys.stdout.write(f"\ntrack written to {out}\n")
+            sys.stdout.write(f"\nestimates over time written to {out}\n")
     if contradictions(tracked.findings):
         raise typer.Exit(1)
 

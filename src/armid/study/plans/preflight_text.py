@@ -138,7 +138,7 @@ def report_text(designed: Checked, *, findings: bool = True) -> str:
 
 
 def skipped_pairs(report: Preflight) -> dict[str, Any]:
-    """Pairs that are not checked: a sentence with their number (`counted`), and the pairs by reason (`skipped`)."""
+    """Record of the pairs of bodies that are not checked: a sentence with their number, and the pairs by reason."""
     count = len(report.skipped)
     counted = f"{plural(count, 'pair')} of bodies {'is' if count == 1 else 'are'} not checked"
     return {"counted": counted, "skipped": pairs_by_reason(report.skipped)}
@@ -162,7 +162,7 @@ def _approach_lines(report: Preflight) -> list[str]:
 
 
 def constant_text(constant: Sequence[ClosestApproach]) -> str:
-    """Sentence that names pairs with constant distance, with distance and required distance of each pair."""
+    """Sentence that lists pairs with nearly constant distance, each with its distance and its required distance."""
     pairs = "; ".join(f"{a.pair} {1000 * a.distance:.1f} mm ({1000 * a.required_distance:.1f} mm)" for a in constant)
     return f"neighbouring links at a nearly constant distance, and in parentheses the required distance: {pairs}"
 
@@ -207,7 +207,7 @@ def _expected_lines(designed: Designed) -> list[str]:
 
 
 def start_text(designed: Checked) -> str:
-    """Text with the start pose: name, position and unit of each joint."""
+    """Text that gives the start pose: name, position and unit of each joint."""
     q, joints = designed.start.tolist(), designed.robot.joints
     return ", ".join(f"{joint.name} {round(x, 4) + 0.0:g} {joint.unit}" for joint, x in zip(joints, q, strict=True))
 
@@ -232,7 +232,7 @@ def margins_text(designed: Checked) -> str:
 
 
 def _finding_line(finding: Finding) -> str:
-    """Line with a finding and its remedy."""
+    """Line of the preflight report with a finding and its remedy."""
     where = f"{finding.channel}: " if finding.channel else ""
     stop = "; " if finding.remedy and finding.evidence[-1:] not in (".", ";") else " "
     said = stop.join(part for part in (where + finding.evidence, finding.remedy) if part)

@@ -150,7 +150,7 @@ def _without_bodies(robot: Robot, limits: Limits, holds: Holds) -> tuple[Array, 
 
 
 def _positions(robot: Robot, pose: Array) -> str:
-    """Text with a pose: name, position and unit of each joint."""
+    """Text that gives a pose: name, position and unit of each joint."""
     return ", ".join(f"{joint.name} {q:.4g} {joint.unit}" for joint, q in zip(robot.joints, pose, strict=True))
 
 
@@ -241,7 +241,7 @@ def _are(pairs: Sequence[IgnoredPair]) -> str:
 
 
 def _by_reason(pairs: Sequence[IgnoredPair]) -> list[str]:
-    """Texts on pairs that are not checked: each reason, with the pair of links or the number of pairs."""
+    """Texts about unchecked pairs of bodies: each reason, with the pair of links or the number of pairs."""
     return [
         f"{why} ({found[0] if len(found) == 1 else plural(len(found), 'pair') + ' of links'})"
         for why, found in pairs_by_reason(pairs).items()

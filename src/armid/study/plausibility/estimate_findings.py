@@ -91,7 +91,7 @@ def drift_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
 def far_findings(standard: StandardParameters | None, fit: Fit) -> list[Finding]:
     """Findings about link masses that are far from the description.
 
-    Masses that the data determine get a separate finding, because they do not follow the prior, so that another prior
+    Masses that the data determine get a separate finding, because a prior hardly affects them, so that another prior
     is no remedy.
     """
     standard_fit = fit.standard
@@ -133,7 +133,7 @@ def _far(evidence: str, remedy: Remedy | str) -> Finding:
 
 
 def _nearer(prior: str) -> Remedy | str:
-    """Remedy, for a kind of prior, if masses that the data do not determine are far from the description."""
+    """Remedy for masses far from the description that the data do not determine; it depends on the kind of prior."""
     if prior == "log-det":
         return "if better masses are known, write them into the description and identify again"
     return lines(

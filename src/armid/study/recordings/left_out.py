@@ -86,7 +86,7 @@ def left_out_squares(problem: EstimationProblem, method: Estimator, fit: Fit) ->
 
     Args:
         problem: Problem of all training recordings.
-        method: Estimator with its options; a prior keeps the weight that it has in the fit.
+        method: Estimator with its options; if it has a prior, the weight of the prior is that of `fit`.
         fit: Estimate from all training recordings.
 
     Returns:
@@ -110,7 +110,7 @@ def left_out_squares(problem: EstimationProblem, method: Estimator, fit: Fit) ->
 
 
 def _squares_of_parts(problem: EstimationProblem, method: Estimator, fit: Fit) -> Array:
-    """Result of `left_out_squares`, shape (n,); NaN if no part can be left out, or an estimate fails or is slow."""
+    """Sums (n,) of `left_out_squares`; NaN if no part can be left out, or if the method fails or is too slow."""
     nothing = np.full(problem.information.n, np.nan)
     if not method.quick:
         return nothing
