@@ -110,10 +110,9 @@ def export(
 ) -> None:
     """Write the identified values into a copy of the robot description, or the model as source code, and check it.
 
-    In a description of the same format, only the numbers that change are edited. For another format, a new file
-    without shapes is written. FILE.armid.json next to the file contains the whole model, also what the format cannot
-    store. For ROS, --to xacro writes a macro of the arm, --to ur-description and --to franka-description the YAML
-    files of these packages, and --to ros2 a package with a plugin of inverse_dynamics_solver.
+    In the same format, only changed numbers are edited; another format gives a new file without shapes. The file
+    FILE.armid.json contains the whole model. For ROS, --to xacro writes a macro of the arm, ur-description and
+    franka-description the YAML files of these packages, and ros2 a package with a plugin of inverse_dynamics_solver.
 
     Examples:
         armid export runs/today --to urdf --out arm_identified.urdf
@@ -121,8 +120,6 @@ def export(
         armid export runs/today --to ur-description --out config/ur5e
 
         armid export runs/today --to c --out code
-
-        armid export runs/today --to ros2 --out src/my_arm
 
         armid export runs/today --to mjcf --ensemble 100 --out arms
     """

@@ -39,8 +39,8 @@ the recording in the common fit of all recordings, divided by its residual in a 
 recordings of one arm with one load, the ratio was at most 1.11."""
 
 LARGE = 0.08
-"""Smallest residual of a recording in the common fit, divided by its torque, from which the recording is reported
-although torque scales do not explain the difference. Recordings of five seconds had ratios (see `OTHERWISE`) of up to
+"""A recording whose difference is not explained by torque scales is reported only if its residual in the common fit,
+divided by its torque, is at least this large. Recordings of five seconds had ratios (see `OTHERWISE`) of up to
 2.2, because separate fits follow the noise, but residuals of 5 %. With an additional load of 2.8 kg the residual was
 15 %."""
 

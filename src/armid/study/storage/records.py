@@ -249,7 +249,7 @@ def validation_record(validation: Validation) -> dict[str, Any]:
 
 
 def left_out_record(error: LeftOutError) -> dict[str, Any]:
-    """Torque error on left-out training data, and the error expected on another recording."""
+    """Record of the torque error on left-out training data, and of the torque error expected on another recording."""
     expected = error.expected
     return {
         "kind": error.kind,
