@@ -129,7 +129,7 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
         "default that of the run given with --after, otherwise 1.", metavar="S…"),
     "rate": _option(float, 100.0, "Number of samples in one second that count as independent, Hz."),
     "repetitions": _option(int, 1, "Number of periods that will be recorded."),
-    "after": _option(SEVERAL, None, "Run or plan.json with information that the new motion is to complete; repeatable. "
+    "after": _option(SEVERAL, None, "Run or plan.json with information that the new motion completes; repeatable. "
         "The design has the terms of the last run, unless --terms is given."),
     "predict": _option(SEVERAL, None, "Plan for which the model must predict the torque well; repeatable."),
     "budget": _option(float, 30.0, "Wall time of the search, s."),
