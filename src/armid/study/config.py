@@ -195,7 +195,7 @@ def load_study(path: Path | str) -> Study:
             f"The study {path} cannot be read: {error}.", remedy="give the path of a study.toml."
         ) from error
     except tomllib.TOMLDecodeError as error:
-        raise StudyError(f"{path} is not valid TOML: {error}.", remedy="correct the named line.") from error
+        raise StudyError(f"{path} is not valid TOML: {error}.", remedy="correct this line.") from error
     return parse_study(table, str(path.parent))
 
 
