@@ -263,7 +263,7 @@ def test_each_validation_recording_is_named(armid: Armid, small: Path):
     done = armid("identify", small / "small.urdf", small / "run1.csv", *options)
     flat = " ".join(done.out.split())
     assert "valid. 1: run2.csv, valid. 2: other.csv" in flat
-    assert "are of the 2 validation recordings, the worst of each joint" in flat
+    assert "are of the 2 validation recordings, the worst value of each joint" in flat
 
 
 def test_identify_compares_every_method(armid: Armid, small: Path, tmp_path: Path):

@@ -205,7 +205,7 @@ def test_poses_need_a_run_of_the_arm_for_its_torque(identified, small, tmp_path,
 
 def test_a_run_about_another_arm_is_refused(identified, small, tmp_path, capsys):
     error = stopped([small, *QUICK, "--after", identified / "run", "--out", tmp_path / "none"], capsys)
-    assert "has none of the parameters of pendulum" in error and not (tmp_path / "none").exists()
+    assert "has none of the base parameters of pendulum" in error and not (tmp_path / "none").exists()
     assert "--terms rigid-body,viscous,coulomb" in error
 
 

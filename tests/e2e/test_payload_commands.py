@@ -251,7 +251,7 @@ def test_a_load_on_the_screen_is_what_controllers_ask_for(armid: Armid):
     code, out, _ = armid("payload", "run", "loaded.npz")
     assert "the load is on the link link_3, which carries the tip frame" in out
     assert code == 0 and "with exact gains" not in out  # no gain is uncertain: there is one interval and not two
-    mass, com, *moments = re.findall(r"│ (mass|centre of mass x|inertia about it I\w\w) +│ +([-\d.]+) │ (\S+) ", out)
+    mass, com, *moments = re.findall(r"│ (mass|centre of mass x|inertia [a-z ]+ I\w\w) +│ +([-\d.]+) │ (\S+) ", out)
     assert float(mass[1]) == pytest.approx(LOAD[0], rel=0.02) and mass[2] == "kg"
     assert float(com[1]) == pytest.approx(LOAD[1] / LOAD[0], abs=0.005) and com[2] == "m"
     truth = about_com(LOAD)[[4, 6, 9, 5, 7, 8]]

@@ -28,7 +28,7 @@ def armid(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tm
 def test_a_track_is_printed_and_written(armid: Armid):
     code, out, err = armid("track", "run", "day2.npz", "--tool", "--memory", 5, "--out", "track")
     assert code == 0, err
-    assert "innovation" in out and "Largest changes" in out and "track written to track" in out
+    assert "innovation" in out and "Largest changes" in out and "estimates over time written to track" in out
     record = json.loads(Path("track/track.json").read_text())
     assert record["memory"] == 5.0 and record["changed"] == "tool" and record["events"] == []
     table = np.genfromtxt("track/track.csv", delimiter=",", names=True)

@@ -250,13 +250,15 @@ def _legend(training: Sequence[Score], held_out: Sequence[Score], before: Sequen
         numbered = [f"{SHORT_TITLES.get(title, title)} {k + 1}: {name}" for k, name in enumerate(listed)]
         if len(listed) > 1:
             parts.append(
-                ", ".join(numbered) if len(listed) <= MAX_RECORDING_COLUMNS else f"{title}: root mean square of all"
+                ", ".join(numbered)
+                if len(listed) <= MAX_RECORDING_COLUMNS
+                else f"{title}: root mean square of the errors on all recordings"
             )
         elif listed:
             parts.append(f"{title}: {listed[0]}")
     judged, kind = (held_out, "validation") if held_out else (training, "training")
     recordings = f"the {len(judged)} {kind} recordings" if len(judged) > 1 else f"{kind}"
-    aggregate = ", the worst of each joint" if len(judged) > 1 else ""
+    aggregate = ", the worst value of each joint" if len(judged) > 1 else ""
     parts.append(
         "CAD/URDF (RMS error with the parameters of the description), relative RMS (RMS error divided by the "
         "standard deviation of the measured torque), peak (largest error) and coverage (share of rows inside the "
@@ -265,7 +267,7 @@ def _legend(training: Sequence[Score], held_out: Sequence[Score], before: Sequen
     if _partly_used(judged):
         parts.append(
             "rows used: share of the rows in which the state of hysteresis is known; all errors are of these rows, "
-            "and can be compared with those of another run only on its same rows"
+            "and can be compared only with errors of other runs on the same rows"
         )
     return "; ".join(parts)
 

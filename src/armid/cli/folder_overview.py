@@ -15,8 +15,8 @@ compares them with the readers."""
 BEGIN = (
     ("armid demo", "a complete identification on a virtual arm, half a minute"),
     ("armid base ROBOT", "the parameters that the torques of your arm determine"),
-    ("armid excite ROBOT", "the motion to record"),
-    ("armid doctor ROBOT RECORDING", "faults of a recording"),
+    ("armid excite ROBOT", "design of the motion to record"),
+    ("armid doctor ROBOT RECORDING", "check of a recording for faults"),
     ("armid identify ROBOT RECORDING --validate OTHER", "a model, validated on a held-out recording"),
 )
 
@@ -48,17 +48,23 @@ def _steps(folder: Path) -> tuple[tuple[str, str], ...]:
         )
     arms = [shlex.quote(name) for name in files if name.endswith(DESCRIPTIONS)]
     if "study.toml" in files:
-        return ("armid doctor study.toml", "faults of the recordings"), ("armid identify study.toml", "a model")
+        return ("armid doctor study.toml", "check of the recordings for faults"), (
+            "armid identify study.toml",
+            "a model",
+        )
     logs = [shlex.quote(name) for name in _logs(folder, files)]
     if arms and logs:
         return (
-            (f"armid doctor {arms[0]} {logs[0]}", "faults of the recording"),
-            (f"armid identify {arms[0]} {logs[0]}", "a model; hold out a recording for --validate"),
+            (f"armid doctor {arms[0]} {logs[0]}", "check of the recording for faults"),
+            (
+                f"armid identify {arms[0]} {logs[0]}",
+                "a model; to validate it, give a further recording with --validate",
+            ),
         )
     if arms:
         return (
-            (f"armid base {arms[0]}", "the parameters that its torques determine"),
-            (f"armid excite {arms[0]}", "the motion to record"),
+            (f"armid base {arms[0]}", "the parameters that the torques of the arm determine"),
+            (f"armid excite {arms[0]}", "design of the motion to record"),
         )
     return ()
 

@@ -102,20 +102,22 @@ def _expected_line(validation: Validation, units: Sequence[str]) -> str:
     joints = np.array(validation.joints)
     with np.errstate(invalid="ignore"):
         above, below = joints[(errors > expected.high).any(axis=0)], joints[(errors < expected.low).all(axis=0)]
-    parts = [f"above it on {', '.join(above)}"] if len(above) else []
+    parts = [f"above the interval on {', '.join(above)}"] if len(above) else []
     if len(below):
-        parts.append(f"below it on {', '.join(below)}, where less has changed than between usual recordings")
+        parts.append(
+            f"below the interval on {', '.join(below)}, where less has changed than usual between recordings"
+        )
     known = np.isfinite(errors)
     if not parts:
         within = (~known | (errors >= expected.low)).all() and known.any(axis=0).all()
-        parts.append("inside it on every joint" if within else "not above it on any joint")
+        parts.append("inside the interval on every joint" if within else "not above the interval on any joint")
     return f"{line}; validation: {escape('; '.join(parts))}"
 
 
 def _assumption(result: Result) -> str:
     """Line with the assumption under which the intervals are valid."""
     other = "" if result.friction_selection is not None else "; --terms auto selects among more friction laws"
-    return f"the intervals are valid if the model, with its friction laws, is right{other}"
+    return f"the intervals are valid if the torque terms of the model, including friction, are right{other}"
 
 
 def _warning_lines(findings: Sequence[Finding], *, verbose: bool) -> list[str]:
@@ -145,7 +147,7 @@ def _method_line(result: Result) -> str:
         ""
         if weight is None
         else (
-            f"; its prior has the weight of {weight:.3g} independent samples, determined together with the friction"
+            f"; its prior has the weight of {weight:.3g} independent samples, chosen together with the friction terms"
         )
     )
     return f"estimated by {method}{reason}{prior}"

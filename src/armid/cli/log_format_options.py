@@ -106,7 +106,7 @@ def _period(text: str | None) -> float | str | None:
         raise ArmidError(
             f"--period {text} is neither a time nor `none`.",
             possible="a number [s], none",
-            remedy="write for instance --period 8, or --period none if nothing repeats.",
+            remedy="write for instance --period 8, or --period none if the motion does not repeat.",
         ) from None
 
 

@@ -55,7 +55,7 @@ def find_source(run: Run, description: Path | str | None = None) -> DescriptionS
     if path is None:
         raise OutputError(
             f"The description {places[0]} of the run does not exist any more.",
-            remedy="give its present path with --description FILE.",
+            remedy="give the present path of the description with --description FILE.",
         )
     robot = load_robot(path, gravity=choice.gravity, **selected)
     if run.robot.sha256 not in (robot.sha256, _former_digest(path)):

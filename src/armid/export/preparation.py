@@ -132,15 +132,17 @@ def contents_of(
     if placeless:
         names = ", ".join(run.robot.links[k].name for k in sorted(placeless))
         raise OutputError(
-            f"An ensemble cannot be written as {source.path}, because it has no body for these links: {names}.",
+            f"An ensemble cannot be written into copies of {source.path}, because this description has no body for "
+            f"these links: {names}.",
             remedy="choose another format with --to, for which a new file is written.",
         )
     for theta in draws:
         content, _ = _content(run, exporter, theta, source, bodies, robot, lumped=lumped)
         if unphysical := unphysical_names(content, placeless, bodies or ()):
             raise OutputError(
-                f"The bodies of the description cannot have the inertias of a draw: {', '.join(unphysical)}.",
-                remedy="give each link one body with --lumped, or choose another format with --to.",
+                "With the inertias of a draw, these bodies of the description would not be physically consistent: "
+                f"{', '.join(unphysical)}.",
+                remedy="write each link as one body with --lumped, or choose another format with --to.",
             )
         yield content
 

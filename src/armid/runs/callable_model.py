@@ -138,7 +138,7 @@ class CallableModel:
             raise ArmidError(
                 f"The mass matrix is not positive definite: its smallest pivot is {result[n:].min():.2g}, so a "
                 "torque has no physical acceleration.",
-                remedy='identify with method = "physical", which gives links that can exist.',
+                remedy='identify with method = "physical", which makes every link physically consistent.',
             )
         return result[:n]
 
@@ -230,7 +230,7 @@ class _Calls:
             programs = make_programs(*self._source, [name])
             if not programs:
                 raise ArmidError(
-                    "The model has no forward dynamics, because no torque term gives every joint a mass.",
+                    "The model has no forward dynamics, because no torque term gives every joint an inertia.",
                     remedy="identify with the torque term rigid-body.",
                 )
             call = self._prepared[name] = _Call(programs[0], self._given)

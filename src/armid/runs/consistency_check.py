@@ -203,7 +203,7 @@ def _meaning(run: Run, verdict: Verdict) -> Finding:
         why = f"the nearest consistent parameters have {outside}, so noise is not the only cause"
         remedy = "check the recordings with armid doctor, and the residuals in the report; " + remedy
     for biased in (each for each in run.estimate.findings if each.code == ONE_SIDED):
-        why = "the torque was filtered and the model's columns were not, which biases the parameters: no noise"
+        why = "only the torque was filtered, not the columns of the regressor; this bias, not noise, is the cause"
         remedy = biased.remedy.rstrip(".")
     if fit.standard is None:
         remedy += "; identify with --method physical, which keeps links physically consistent"

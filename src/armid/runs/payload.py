@@ -210,7 +210,7 @@ def _payload_findings(
                 "load-not-real",
                 "warning",
                 "",
-                f"The distance of the nearest real body from the best fit to the torques is {load.distance:.1f} "
+                f"The distance between the best fit to the torques and the nearest real body is {load.distance:.1f} "
                 "standard deviations.",
                 "check that the arm had no contact, that the load was attached all the time, and that the drive "
                 "gains are right.",

@@ -43,15 +43,16 @@ NOTES = {
     ),
     "none": "not known, since friction and the prior's weight were chosen on all training data: " + VALIDATE[:-1],
 }
-"""Description of the held-out motion, by the values of `MethodTable.unseen`."""
+"""Text that says on which motion the held-out error is computed, for each value of `MethodTable.unseen`."""
 
 UnseenError = Callable[[Estimator, Fit], Array]
-"""Function that gives the RMS torque error (n,) [N·m or N] on held-out motion, for a method and its fit."""
+"""Function that computes the RMS torque error of each joint on held-out motion, shape (n,) [N·m or N], for a method
+and its fit."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MethodScore:
-    """Scores of one estimation method; if the estimate fails, only the reason of the failure.
+    """Scores of one estimation method; if its estimate fails, the scores are NaN, and `failure` gives the reason.
 
     Attributes:
         method: Name of the method.
@@ -60,7 +61,8 @@ class MethodScore:
         consistent: True if the base parameters are physically consistent; `None` if this is not known.
         distance: Distance between the base parameters and the nearest consistent parameters; NaN if it is not known.
         relative_distance: `distance` divided by the norm of the base parameters.
-        eigenvalue: Smallest eigenvalue of the pseudo-inertias of the links, if the method estimates links.
+        eigenvalue: Smallest eigenvalue of the pseudo-inertias of all links; `None` if the method estimates only base
+            parameters.
         dropped: Number of parameters that the method sets to zero.
         seconds: Computing time of the estimate [s].
         failure: Reason why the estimate or its cross-validation failed; empty without failure.
@@ -85,7 +87,8 @@ class MethodEstimate:
     Attributes:
         method: Name of the method.
         base: Base parameters π_b, shape (b,).
-        bodies: `QUANTITIES` of each link, shape (n, 10), of a method that estimates links; otherwise `None`.
+        bodies: Mass, centre of mass and inertia of each link, in the order of `QUANTITIES` of
+            `armid.estimation.link_properties`, shape (n, 10); `None` if the method estimates only base parameters.
     """
 
     method: str
@@ -99,13 +102,14 @@ class MethodTable:
 
     Attributes:
         joints: Names of the joints.
-        unseen: Held-out motion: `validation` recordings, `cross-validation` on the training recordings, or `none`.
+        unseen: Kind of held-out motion: `validation` (recordings), `cross-validation` (parts of the training
+            recordings that are left out in turn), or `none`.
         scores: Scores of each method.
         seconds: Computing time of the comparison, without the estimate of the run [s].
-        share: Share of the rows of the validation recordings that count for each joint, the same rows for all
-            methods, shape (n,); `None` without validation recordings.
+        share: Share of the rows of the validation recordings on which each joint is scored, shape (n,); all methods
+            are scored on the same rows; `None` without validation recordings.
         names: Names of the base parameters, shape (b,).
-        estimates: Values of each method that succeeded.
+        estimates: Estimated values of each method that succeeded.
     """
 
     joints: tuple[str, ...]
@@ -118,10 +122,12 @@ class MethodTable:
 
     @property
     def note(self) -> str:
-        """Description of the held-out motion."""
+        """Text that says on which motion, and on which share of its rows, the held-out error is computed."""
         used = 1.0 if self.share is None else float(np.nanmin(self.share))
         rows = (
-            "" if used == 1.0 else f", the same {100.0 * used:.0f} % of their rows or more for each joint and method"
+            ""
+            if used == 1.0
+            else f", at least {100.0 * used:.0f} % of their rows, which are the same for all methods"
         )
         return NOTES[self.unseen] + rows
 
@@ -197,7 +203,7 @@ def compare_record(table: MethodTable) -> dict[str, Any]:
 def _score(
     prepared: Prepared, problem: EstimationProblem, name: str, unseen: UnseenError
 ) -> tuple[MethodScore, MethodEstimate | None]:
-    """Scores and values of the method with a given name; if the method fails, only the reason."""
+    """Estimates with one method; returns its scores and its values, which are `None` if the method fails."""
     model, base = prepared.model, prepared.base
     nothing = np.full(model.n, np.nan)
     began = time.perf_counter()
@@ -229,7 +235,7 @@ def _quick(method: Estimator) -> Estimator:
 
 
 def _reason(error: Exception) -> str:
-    """Text of the error with which a method failed."""
+    """Text that says why a method failed, from the error that it raised."""
     return error.problem if isinstance(error, ArmidError) else str(error)
 
 

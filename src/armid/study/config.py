@@ -1,4 +1,4 @@
-"""Study: the inputs and options of an identification, as a `study.toml` states them.
+"""Study: the inputs and options of an identification, as a file `study.toml` contains them.
 
 A `study.toml` has the tables `[robot]`, `[model]`, `[[recording]]`, `[processing]` and `[estimation]`. Its keys are
 the fields of the dataclasses in this module, of `LogFormat` and of `ProcessingOptions`. An unknown key is an error
@@ -32,7 +32,7 @@ Shapes = Mapping[str, Any] | Sequence[Mapping[str, Any]]
 
 PLAIN_METHOD = "wls"
 AUTOMATIC_METHOD = "auto"
-"""Default estimation methods: for given friction, and the one that the selection of friction finds suitable."""
+"""Default estimation methods: for terms that the study names, and for terms that armid selects (a fitting one)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ class ModelChoice:
             motor torque). A name may occur several times; `default` stands for the default terms with their shapes.
         shapes: Options of terms, by the name of the term: one table, or a list of tables if a term has different
             shapes on different joints.
-        automatic: True if friction is selected joint by joint and added (`terms = "auto"` in a study).
+        automatic: True if armid selects friction terms for each joint and adds them (`terms = "auto"` in a study).
     """
 
     terms: tuple[str, ...] = ()
@@ -116,7 +116,7 @@ class RecordingChoice:
 
 
 PER_RECORDING = ("friction_per_recording", "offset_per_recording")
-"""Keys of the table [estimation] with which each recording gets parameters of its own."""
+"""Keys of the table [estimation] that give each recording friction or offsets of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,7 +220,7 @@ def parse_study(table: Mapping[str, Any], folder: str = ".") -> Study:
 
 
 def load_choice(choice: RobotChoice, folder: Path | str = ".") -> Robot:
-    """Loads the arm that a study or a command line names; a path is relative to `folder`."""
+    """Loads the arm that a study or a command line names; the path of its description is relative to `folder`."""
     name = choice.description if choice.description in builtin_arms() else Path(folder) / choice.description
     return load_robot(name, gravity=choice.gravity, lock=choice.lock, only=choice.only, tip=choice.tip)
 
@@ -233,7 +233,7 @@ def parse_robot(table: Any) -> RobotChoice:
 
 
 def default_estimation(model: ModelChoice) -> EstimationChoice:
-    """Default estimation options for given torque terms: a method with a prior if friction is selected."""
+    """Default estimation options for the torque terms of a study: a method with a prior if armid selects friction."""
     return EstimationChoice(AUTOMATIC_METHOD if model.automatic else PLAIN_METHOD)
 
 
@@ -284,12 +284,12 @@ def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) 
 
 
 def _tables(shapes: Shapes) -> list[dict[str, Any]]:
-    """List of the options of each term with one name, from one table or a list of tables."""
+    """Options of all torque terms that have one name, as a list of tables; a single table becomes a list of one."""
     return [dict(each) for each in ([shapes] if isinstance(shapes, Mapping) else shapes)]
 
 
 def resolve_model(model: DynamicsModel) -> ModelChoice:
-    """Options of a model with all defaults of its terms, from which `build_model` makes the same model."""
+    """Options from which `build_model` makes the given model; default values of its terms are written out."""
     shapes: dict[str, list[dict[str, Any]]] = {}
     for term in model.terms:
         options = dataclasses.asdict(term)  # pyright: ignore[reportArgumentType]
@@ -313,7 +313,7 @@ def _model_choice(table: Mapping[str, Any]) -> ModelChoice:
 
 
 def _estimation_choice(table: Mapping[str, Any], method: str) -> EstimationChoice:
-    """Reads the table [estimation]; `method` is the default, options of an estimator stand under its name."""
+    """Reads the table [estimation]; `method` is the default; each estimator has a table of options with its name."""
     possible = ("method", *PER_RECORDING, *ESTIMATORS)
     if unknown := sorted(table.keys() - set(possible)):  # only then are all estimators imported
         owner = {option: name for name, kind in ESTIMATORS.items() for option in getattr(kind, "__slots__", ())}
@@ -387,7 +387,7 @@ def _are_texts(values: object) -> bool:
 
 
 def _are_numbers(values: object, count: int) -> bool:
-    """True for a list of `count` finite numbers."""
+    """True if `values` is a list of exactly `count` finite numbers."""
     if not isinstance(values, tuple | list) or len(values) != count:
         return False
     return all(isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) for x in values)

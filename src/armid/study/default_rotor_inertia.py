@@ -1,4 +1,4 @@
-"""Rotor inertia, which is added to the default model of a study if the recordings show it."""
+"""Addition of rotor inertia to the default model of a study, if the recordings show that the rotors have inertia."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def add_rotor_inertia(
     recordings: Sequence[RecordingChoice],
     findings: Sequence[tuple[int, Finding]],
 ) -> tuple[DynamicsModel, list[tuple[int, Finding]]]:
-    """Adds rotor inertia to a default model if a training recording shows it.
+    """Adds rotor inertia to a default model if a training recording shows its effect.
 
     Without rotor inertia in the model, the inertia of rotors counts as inertia of the links: the torque error stays
     small, but intervals of the links miss the true values. Validation recordings do not decide whether the term is
@@ -27,7 +27,7 @@ def add_rotor_inertia(
 
     Args:
         model: Model with the default terms.
-        choice: Terms of the study; a study that names its terms keeps them.
+        choice: Terms of the study; if the study names its terms, the model is not changed.
         recordings: Recordings of the study.
         findings: Findings of the doctor, each with the index of its recording.
 

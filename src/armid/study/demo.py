@@ -69,7 +69,7 @@ def demo_study(processing: ProcessingOptions | None = None, method: str = "wls")
 
 
 def thesis_processing(edges: str = "periodic") -> ProcessingOptions:
-    """Processing options of the thesis, with a given value of the option `edges`."""
+    """Processing options of the thesis, except that the option `edges` has the given value."""
     return replace(THESIS, edges=edges, average=edges == "periodic")  # pyright: ignore[reportArgumentType]
 
 

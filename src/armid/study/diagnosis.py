@@ -1,4 +1,4 @@
-"""Checks of the recordings of a study by the doctor. Faults that prevent reading are worked around where possible."""
+"""Checks of the recordings of a study by the doctor; a fault that prevents reading is bypassed if possible."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ USUAL = ProcessingOptions()
 """Default processing options."""
 
 FAR_OUTSIDE = ("position-limits", "position-sign", "position-offset", "degrees", "joint-order")
-"""Codes of findings of the doctor that give the cause of positions far outside the limits. The reader only warns of
-such positions."""
+"""Codes of the doctor's findings that give the cause of positions far outside the joint limits. The reader of
+recordings only warns of such positions, without a cause."""
 
 
 LOSS_OF_ROWS = ("clock-gap", "run-short", "rows-repeated", "saturation")
@@ -162,7 +162,7 @@ def _standstill(recording: Recording, processing: ProcessingOptions) -> list[Fin
 
 
 def _of_currents(evidence: LogEvidence) -> tuple[Finding, ...]:
-    """Findings for a log of currents: of checks that need no torque, and on the drive gains that are missing."""
+    """Findings about a log of motor currents without drive gains: those so far, and of checks without torque."""
     state = evidence.state
     scale = None if state is None else explain_scale(state)
     if scale is not None:
@@ -190,7 +190,8 @@ def findings_of_each(
         recordings: Recordings with their roles.
         read: Findings of the reader on each recording.
         trained: Findings about all training recordings together; they are not repeated for single recordings.
-        known_links: Links that are compared with the recordings instead of those of the description.
+        known_links: Inertial parameters of the links that are compared with the recordings, instead of those of the
+            description.
         processing: Options of the study.
     """
     common = {finding.code for finding in trained if finding.severity != "info"}
@@ -225,7 +226,8 @@ def run_checks(
         model: Arm and torque terms of the study.
         recordings: Recordings with their roles.
         known_codes: Codes of findings that are already reported for each recording.
-        known_links: Links that are compared with the recordings instead of those of the description.
+        known_links: Inertial parameters of the links that are compared with the recordings, instead of those of the
+            description.
         processing: Options of the study.
 
     Returns:
@@ -266,7 +268,7 @@ def _rank(recordings: Sequence[tuple[RecordingChoice, Recording]], k: int) -> tu
 
 
 def _kind(choice: RecordingChoice) -> str:
-    """Key that all recordings of the same log format share."""
+    """Text that is equal for recordings of one log format; period, start and excluded intervals may differ."""
     return repr(replace(choice.reading, period=None, start=None, exclude=()))
 
 
@@ -306,7 +308,7 @@ def has_errors(diagnoses: tuple[Diagnosis, ...]) -> bool:
 
 
 def _finding(error: RecordingError) -> Finding:
-    """Converts the error that a fault of a recording caused during reading to a finding."""
+    """Converts the error that the reader raised about a recording to a finding of severity `error`."""
     evidence = error.evidence
     if error.code != "value-missing":  # that sentence begins with the name of a channel
         evidence = f"{evidence[0].upper()}{evidence[1:]}"
@@ -314,7 +316,10 @@ def _finding(error: RecordingError) -> Finding:
 
 
 def _worked_around(finding: Finding, log: Recording, reading: LogFormat) -> tuple[Recording, LogFormat] | None:
-    """Log and log format in which a fault is worked around for further checks; `None` without a workaround."""
+    """Log and log format that are changed so that the rest of the log can be checked in spite of a fault.
+
+    The result is `None` if no such change is known.
+    """
     if finding.code == "current-without-gain":
         return replace(log, effort_is_current=False), reading
     keys = tables_of(finding.remedy).get("recording", {})
@@ -332,7 +337,7 @@ def _worked_around(finding: Finding, log: Recording, reading: LogFormat) -> tupl
 
 
 def _implied_rate(log: Recording) -> float | None:
-    """Sample rate [Hz] at which velocities agree with differences of positions; `None` without velocities."""
+    """Sample rate [Hz] at which the logged velocities agree with differences of the positions; `None` if unknown."""
     if log.dq is None or not np.isfinite(log.dq).all() or not np.isfinite(log.q).all():
         return None
     step, mean = np.diff(log.q, axis=0), (log.dq[1:] + log.dq[:-1]) / 2

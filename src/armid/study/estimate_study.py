@@ -1,4 +1,4 @@
-"""Estimate of a study, with the digests of its inputs."""
+"""Estimate of the parameters of a study; the estimate contains the digests (sha256) of all inputs."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def estimate_study(
         study: The study.
         model: Arm and torque terms.
         base: Base parameters of the model.
-        problem: Information of the training recordings, and the options of the estimate.
+        problem: Estimation problem: information of the training recordings, and the options of the estimate.
         recordings: All recordings with their roles, processed.
 
     Raises:

@@ -14,8 +14,8 @@ FAR = 1.25
 speeds of two random motions with the same limits differ by less than this ratio."""
 
 LEAST = 0.02
-"""Smallest increase of a speed that is reported [rad/s or m/s]: the width of Coulomb friction. A joint that rested in
-training may move more slowly than this without a finding."""
+"""Smallest difference between a speed and the highest speed in training at which a finding is reported [rad/s or
+m/s]. It is the width of Coulomb friction: a joint that rested in training may move more slowly than this."""
 
 
 def highest_speeds(observations: Observations) -> Array:
@@ -46,6 +46,6 @@ def speed_finding(robot: Robot, trained: Array | None, requested: Array, where: 
         "speed-beyond",
         "warning",
         "",
-        f"{where}: {'; '.join(beyond)}. At higher speeds, friction is extrapolated, not measured.",
+        f"{where}: {'; '.join(beyond)}. At such speeds, friction is extrapolated, not measured.",
         "record a training motion that is as fast as this motion, and identify again.",
     )

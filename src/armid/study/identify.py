@@ -1,4 +1,4 @@
-"""Identification: from a study to an estimated and validated model."""
+"""Identification of the model of a study: preparation of the data, estimate, and validation."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ class Result(Displayed):
         validation: Torque error on the validation recordings.
         training: Torque error on the training recordings.
         friction_selection: Result of the selection of friction; `None` if friction was not selected.
-        given_format: Log format of the first training recording as given in the study, before its columns were
-            guessed.
+        given_format: Log format of the first training recording as given in the study, before armid guessed its
+            columns.
         predictions: Torque that the estimate predicts for each recording, in the order of the study; may be empty.
     """
 

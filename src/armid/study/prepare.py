@@ -127,10 +127,10 @@ def prepare(
 
 
 def stated_problem(prepared: Prepared) -> EstimationProblem:
-    """Estimation problem of a study, with friction or offsets for each recording if the study asks for them.
+    """Estimation problem of a study; each recording has its own friction or offsets if the study asks for this.
 
     Raises:
-        StudyError: The study asks for parameters for each recording, but has only one training recording.
+        StudyError: The study asks for parameters of each recording, but has only one training recording.
     """
     asked = [key for key in PER_RECORDING if getattr(prepared.study.estimation, key)]
     if asked and len(np.unique(prepared.problem.information.recording)) < 2:
@@ -142,7 +142,7 @@ def stated_problem(prepared: Prepared) -> EstimationProblem:
 
 
 def separated_problem(prepared: Prepared, problem: EstimationProblem) -> EstimationProblem:
-    """Problem of some training recordings, with friction or offsets for each if the study asks for them."""
+    """Gives each recording of an estimation problem its own friction or offsets, if the study asks for it."""
     choice = prepared.study.estimation
     if not any(getattr(choice, key) for key in PER_RECORDING):
         return problem

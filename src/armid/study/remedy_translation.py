@@ -1,4 +1,4 @@
-"""Conversion of the remedies of findings to lines of a study and to options of the command line."""
+"""Conversion of the remedies of findings to lines of a `study.toml` and to options of the command line."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ TABLE_KEYS = tuple(field.name for field in dataclasses.fields(LogFormat))
 
 OF_READING = ("rate", "time_unit", "columns", "units", "period", "torque_sign")
 OPTIONS = (*OF_READING, "gravity", "terms", "cutoff", "edges", "slow", "standstill", "method")
-"""Keys for which commands have options with the same names."""
+"""Keys of a study for which commands have options with the same names."""
 
 READING = "reading"
 """Name of the option `--reading` of commands that read new recordings for a run; it takes any line of a
@@ -51,7 +51,7 @@ def _by_table(keys: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def applied(study: Study, path: str, remedy: str) -> Study:
-    """Study in which the keys are set that a remedy for one recording names.
+    """Study after a remedy for one recording: the keys that the remedy names have the values of the remedy.
 
     Args:
         study: The study.
@@ -114,7 +114,7 @@ def at_the_prompt(remedy: str, options: Collection[str]) -> str:
 
 
 def _with_option(setting: Assignment, options: Collection[str]) -> str:
-    """Text of a setting within a sentence: the option of the command and, in parentheses, the keys of a study."""
+    """Text of one setting of a remedy: the option of the command and, in parentheses, the keys of a study."""
     option = _options(setting.keys, options)
     if option is None or READING in options:
         return option or setting.text
@@ -122,7 +122,7 @@ def _with_option(setting: Assignment, options: Collection[str]) -> str:
 
 
 def _values(key: str, value: Any) -> list[str] | None:
-    """Texts of the values of an option, one for each time it is given; `None` if it cannot express the value."""
+    """Values of an option as texts, one for each use of the option; `None` if an option cannot express the value."""
     if key == "terms":
         return [",".join(value)]
     if key == "gravity":
@@ -152,7 +152,7 @@ def as_study(remedy: str, study: Study, path: str, reading: Mapping[str, Any]) -
 
 
 def _with_note(text: str, remedy: Remedy) -> str:
-    """Text of a study with the comment of a remedy after the last key that the remedy sets."""
+    """Text of a study in which the comment of a remedy stands after the last key that the remedy sets."""
     if not remedy.note or not remedy.keys:
         return text
     last = f"{list(remedy.keys)[-1]} = "

@@ -19,7 +19,7 @@ from armid.study.recordings.processed import ProcessedRecording, of_role
 from armid.validation.torque_validation import PredictedRecording, Score, score
 
 MOSTLY = 0.5
-"""Share of the mean square error above which the constant part of the error is reported: half of it."""
+"""The mean error of a joint is reported if its square is more than this share of the mean square error."""
 
 
 def score_recordings(
@@ -28,7 +28,7 @@ def score_recordings(
     recordings: Sequence[ProcessedRecording],
     predictions: Mapping[ProcessedRecording, PredictedRecording] | None = None,
 ) -> tuple[tuple[Score, ...], tuple[Finding, ...]]:
-    """Computes the torque error on each recording, with findings on it; missing predictions are computed."""
+    """Computes the torque error on each recording, and findings about it; predicts the torque if it is not given."""
     scores: list[Score] = []
     findings: list[Finding] = []
     names = labels([each.choice for each in recordings])
@@ -59,7 +59,7 @@ def score_validation(
         predictions: Predicted torque of the recordings.
 
     Returns:
-        The errors, findings on them, and findings about recordings that contradict the training recordings.
+        The torque errors, findings about them, and findings about recordings that contradict the training recordings.
     """
     recordings = of_role(prepared.recordings, "validate")
     scores, findings = score_recordings(prepared.model, estimate, recordings, predictions)
@@ -86,8 +86,8 @@ def own_offset_finding(found: Score, robot: Robot, where: str) -> Finding | None
         return None
     listed = "; ".join(
         f"{robot.joints[j].name}: mean error {found.offset[j]:.3g} {robot.joints[j].effort_unit}, RMS error "
-        f"{found.rms[j]:.3g} {robot.joints[j].effort_unit} with it and {rest[j]:.3g} {robot.joints[j].effort_unit} "
-        "without it"
+        f"{found.rms[j]:.3g} {robot.joints[j].effort_unit} with this mean and {rest[j]:.3g} "
+        f"{robot.joints[j].effort_unit} without it"
         for j in np.flatnonzero(mostly)
     )
     return Finding(

@@ -1,4 +1,4 @@
-"""Default options of the estimator where armid chooses the friction terms, and the finding that names these terms."""
+"""Default options of the estimator if armid selects the friction terms, and the finding about this selection."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ def with_selection_prior(
 ) -> EstimationChoice:
     """Estimation options with the prior of the friction selection, unless the study sets the prior of the estimator.
 
-    Noise and shrinkage are those with which friction was selected, so that the estimate is the one that was judged.
+    Noise and shrinkage are those with which friction was selected, so that the held-out error of the selection is
+    valid for the estimate.
 
     Args:
         choice: Options of the study.
@@ -55,7 +56,7 @@ def with_selection_prior(
 
 
 def with_origin_of_weight(estimate: Estimate, selection: FrictionSelection | None) -> Estimate:
-    """Estimate whose findings name the friction selection as origin of the prior's weight, if it is the origin."""
+    """Estimate whose findings say that the friction selection determined the weight of the prior, if this is so."""
     weight = None if selection is None else selection.weight_for(estimate.method)
     if weight is None:
         return estimate

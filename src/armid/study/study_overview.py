@@ -29,7 +29,7 @@ def study_summary(study: Any) -> Summary:
 
 
 def _changed(value: Any, *excluded: str) -> str:
-    """Text with the fields of a dataclass that differ from their defaults, without excluded fields."""
+    """Text with the fields of a dataclass object that differ from their defaults, without those in `excluded`."""
     plain = type(value)(**{name: getattr(value, name) for name in excluded})
     changed = [
         (field.name, current)

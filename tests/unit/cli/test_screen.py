@@ -143,7 +143,7 @@ def test_columns_of_several_recordings_are_the_worst_and_say_so():
     held = (score("a/one.csv", 0.1), score("b/two.csv", 0.3))
     text = printed(validation_table(Validation(("x", "y"), held, "pass", ()), [score("t.csv", 0.05)], ["N·m"] * 2))
     flat = " ".join(text.split())
-    assert "train: t.csv; valid. 1: one.csv, valid. 2: two.csv" in flat and "the worst of each joint" in flat
+    assert "train: t.csv; valid. 1: one.csv, valid. 2: two.csv" in flat and "the worst value of each joint" in flat
     (row,) = [line for line in text.splitlines() if line.startswith("2 ")]
     cells = [cell.strip() for cell in row.split("│")]
     # Number, joint, training, both recordings, description (root mean square), relative, peak, share in the band.

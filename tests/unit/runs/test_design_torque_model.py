@@ -105,12 +105,12 @@ def test_the_torque_of_the_preflight_is_the_predicted_torque(terms: tuple[Term, 
     """In every sample of the grid of the certificate; drives that the plan's own model lacks count too."""
     found, predicted, said = peaks(run_of(terms))
     np.testing.assert_allclose(found, predicted, rtol=ROUNDING)
-    assert all(term.name in said for term in terms) and "slipping" not in said
+    assert all(term.name in said for term in terms) and "after a long motion" not in said
 
 
 def test_the_torque_of_the_preflight_covers_hysteresis():
     found, predicted, said = peaks(run_of((*LADEN, Hysteresis((0.001, 0.01)))))
-    assert (found > predicted * (1.0 - REVERSAL)).all() and "hysteresis counts as slipping" in said
+    assert (found > predicted * (1.0 - REVERSAL)).all() and "hysteresis is that after a long motion" in said
 
 
 @pytest.mark.parametrize("kind", ["poses", "sweeps"])

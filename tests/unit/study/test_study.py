@@ -456,7 +456,7 @@ def test_a_copy_of_a_training_file_does_not_validate(tmp_path: Path):
     """By content: another name and another place do not help."""
     train, _ = write_recordings(tmp_path)
     shutil.copy(train, tmp_path / "run2.csv")
-    with pytest.raises(StudyError, match=r"run1\.csv and run2\.csv contain the same data .* train and validate"):
+    with pytest.raises(StudyError, match=r"run1\.csv and run2\.csv contain the same data .* the other to validate"):
         identify(load_study(write_study(tmp_path)))
 
 

@@ -80,7 +80,7 @@ def base(
         output_console().print(
             f"[bold]{arm.name}[/]: {base_parameters.count} base parameters "
             f"({count_text(base_parameters.names)}) of {len(base_parameters.standard_names)} standard parameters, "
-            f"{len(zero)} of them without effect" + (f" ({', '.join(zero)})" if zero else "")
+            f"{len(zero)} of them without effect on the torque" + (f" ({', '.join(zero)})" if zero else "")
         )
         lines = _group_by_joint(base_parameters, formulas, arm.joint_names)
     sys.stdout.write("\n".join((*lines, *dependencies)) + "\n")

@@ -121,8 +121,8 @@ def _report(verdict: Verdict, motion: str | None, shapes: InertialCheck | None =
     from armid.cli.console import output_console, print_findings
 
     console, certificate = output_console(), verdict.certificate
-    yes = "[bold green]physically consistent[/]: links with positive density can have them"
-    no = "[bold red]not physically consistent[/]: no links with positive density can have them"
+    yes = "[bold green]physically consistent[/]: links with positive density can have these parameters"
+    no = "[bold red]not physically consistent[/]: no links with positive density can have these parameters"
     console.print(f"{verdict.kind} parameters: {yes if certificate.feasible else no}")
     if not certificate.feasible:
         console.print(f"  {_change(certificate)}")
@@ -156,8 +156,8 @@ def _shapes(check: InertialCheck) -> str:
     named = [name for name in check.named if name in check.measures]
     found = f"{len(named)} {'does' if len(named) == 1 else 'do'} not agree" if named else "all agree"
     return (
-        f"shapes: {len(check.measures)} of {check.bodies} bodies compared with the hull of their shapes, which their "
-        f"mass fills with {densities[0]:.0f} to {densities[-1]:.0f} kg/m³; {found}"
+        f"shapes: {len(check.measures)} of {check.bodies} bodies compared with the hull of their shapes; mass "
+        f"divided by the volume of the hull: {densities[0]:.0f} to {densities[-1]:.0f} kg/m³; {found}"
     )
 
 

@@ -51,7 +51,7 @@ def doctor(
     terms: Terms = None,
     json: Json = False,
 ) -> None:
-    """Examine recordings: signs, order, units, zeros, gravity, clock, delays, channels, motion.
+    """Examine recordings for faults: signs, order, units, zeros, gravity, clock, delays, channels, motion.
 
     The recordings are not changed. Each finding gives its evidence and its remedy. With a study, the remedy is a line
     for this study; without a study, it is an option of the command line or the text of a study. Exit code 1: there is

@@ -68,7 +68,7 @@ Ensemble = Annotated[
     typer.Option(
         "--ensemble",
         metavar="N",
-        help="Write N possible arms, drawn from the distribution of the estimate, into the folder --out.",
+        help="Write N robot descriptions, with parameters drawn from the distribution of the estimate, to --out.",
     ),
 ]
 Seed = Annotated[int, typer.Option("--seed", help="Seed of the draws of --ensemble.")]
@@ -110,10 +110,9 @@ def export(
 ) -> None:
     """Write the identified values into a copy of the robot description, or the model as source code, and check it.
 
-    In a description of the same format, only the numbers that change are edited. For another format, a new file
-    without shapes is written. FILE.armid.json next to the file contains the whole model, also what the format cannot
-    store. For ROS, --to xacro writes a macro of the arm, --to ur-description and --to franka-description the YAML
-    files of these packages, and --to ros2 a package with a plugin of inverse_dynamics_solver.
+    In the same format, only changed numbers are edited; another format gives a new file without shapes. The file
+    FILE.armid.json contains the whole model. For ROS, --to xacro writes a macro of the arm, ur-description and
+    franka-description the YAML files of these packages, and ros2 a package with a plugin of inverse_dynamics_solver.
 
     Examples:
         armid export runs/today --to urdf --out arm_identified.urdf
@@ -121,8 +120,6 @@ def export(
         armid export runs/today --to ur-description --out config/ur5e
 
         armid export runs/today --to c --out code
-
-        armid export runs/today --to ros2 --out src/my_arm
 
         armid export runs/today --to mjcf --ensemble 100 --out arms
     """
@@ -144,7 +141,7 @@ def export(
         return _ensemble(run, to, ensemble, out, seed, motion, description, choices, json=json)
     if motion is not None:
         raise OutputError(
-            "--motion is the motion of --ensemble, which is missing.",
+            "--motion has an effect only together with --ensemble, which is not given.",
             remedy="give --ensemble N too; armid predict writes the torque of one model along a motion.",
         )
     if to in LANGUAGES:

@@ -58,12 +58,14 @@ HeldOut = Annotated[
     typer.Option(
         "--validate",
         metavar="RECORDING…",
-        help="Recordings on which the model is validated; read with the same options.",
+        help="Recordings on which the model is validated; they are read with the options of the training recordings.",
     ),
 ]
 Cutoff = Annotated[
     str | None,
-    typer.Option(metavar="HZ|auto", help="Cut-off of the filter, Hz; 5 by default; auto: from the motion."),
+    typer.Option(
+        metavar="HZ|auto", help="Cut-off frequency of the filter, Hz; 5 by default; auto: computed from the motion."
+    ),
 ]
 Edges = Annotated[
     str | None,

@@ -28,7 +28,8 @@ PayloadLinkName = Annotated[
     typer.Option(
         "--link",
         metavar="NAME",
-        help="Link that carries the payload; results are in the frame of this link. By default the tip frame.",
+        help="Link that carries the payload; the results are in its frame. By default the link of the tip frame, "
+        "with results in the tip frame.",
         autocompletion=moving_links,
     ),
 ]
@@ -304,7 +305,7 @@ def _body(payload: Payload) -> Table:
     for pair in pairs:
         i, j = ("xyz".index(axis) for axis in pair)
         ends = load.inertia_intervals[INERTIA_INDEX.index((i, j))]
-        table.add_row(f"inertia about it I{pair}", f"{inertia[i, j]:.5f}", "kg·m²", _interval(ends, 5))
+        table.add_row(f"inertia about this centre I{pair}", f"{inertia[i, j]:.5f}", "kg·m²", _interval(ends, 5))
     return table
 
 
@@ -318,7 +319,9 @@ def _parameters(record: dict[str, Any]) -> Table:
 
     parameters = record["parameters"]
     differs = any(not np.array_equal(p["interval95"], p["statistical95"], equal_nan=True) for p in parameters)
-    table = Table(title="Parameters about the origin of the frame, which the torques determine", header_style="bold")
+    table = Table(
+        title="Inertial parameters about the origin of the frame; the torques determine these", header_style="bold"
+    )
     names = ["parameter", "value", "unit", "95 % interval", *(["if gains are exact"] if differs else []), "status"]
     for name in names:
         table.add_column(name, justify="left" if name in ("parameter", "unit", "status") else "right")

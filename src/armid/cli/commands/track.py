@@ -79,7 +79,7 @@ def track(
     else:
         _report(earlier, tracked, tool=tool)
         if out is not None:
-            sys.stdout.write(f"\ntrack written to {out}\n")
+            sys.stdout.write(f"\nestimates over time written to {out}\n")
     if contradictions(tracked.findings):
         raise typer.Exit(1)
 
@@ -95,10 +95,16 @@ def _report(run: Run, tracked: TrackedRun, *, tool: bool) -> None:
 
     console = output_console()
     print_contradictions(console, contradictions(tracked.findings))
-    table = Table(title=f"{escape(run.robot.name)}: torque error, all joints, and estimates")
+    table = Table(title=f"{escape(run.robot.name)}: RMS torque error of all joints, and estimates")
     shown = ["M", "MX", "MY", "MZ"] if tool else _most_changed(run, tracked, 4)
     at = [tracked.names.index(name) for name in shown]
-    for name in ("t [s]", "by the run", "before each block", "innovation ratio", *(escape(name) for name in shown)):
+    for name in (
+        "t [s]",
+        "error of the run",
+        "error before update",
+        "innovation ratio",
+        *(escape(name) for name in shown),
+    ):
         table.add_column(name, justify="right")
     for k in np.unique(np.linspace(0, len(tracked.time) - 1, MAX_TABLE_ROWS).round().astype(int)):
         numbers = [f"{tracked.values[k, i]:.3f} ± {1.96 * tracked.deviation[k, i]:.3f}" for i in at]

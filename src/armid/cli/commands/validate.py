@@ -31,13 +31,17 @@ Controller = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="JSON file with the gains of the controller, such as a truth.json; the simulation has this feedback.",
+        help="JSON file with the gains of the controller, such as a truth.json; it then controls the simulated arm.",
     ),
 ]
 
 Simulate = Annotated[
     bool,
-    typer.Option("--simulate", help="Also simulate the model from the torque in short windows; compare the motion."),
+    typer.Option(
+        "--simulate",
+        help="Also simulate the motion that the recorded torque causes, in short windows, and compare it with the "
+        "recorded motion.",
+    ),
 ]
 
 Window = Annotated[float, typer.Option(metavar="S", help="Length of a simulated window, s.")]
@@ -46,12 +50,16 @@ Tolerance = Annotated[float, typer.Option(help="Largest tolerated position error
 
 Out = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Write simulated and recorded motion and torque, .csv or .npz; simulates."),
+    typer.Option(
+        metavar="FILE", help="File for simulated and recorded motion and torque, .csv or .npz; implies --simulate."
+    ),
 ]
 
 Page = Annotated[
     Path | None,
-    typer.Option(metavar="FILE.html", help="Write a page that plots them for each joint; simulates."),
+    typer.Option(
+        metavar="FILE.html", help="Page with plots of simulated and recorded motion and torque; implies --simulate."
+    ),
 ]
 
 
@@ -117,9 +125,11 @@ def validate(
 
 
 def _advise_recalibration(run: str, recordings: Sequence[str]) -> None:
-    """Print the command that finds what has changed since a run."""
+    """Print the command that finds the parameters that have changed since a run."""
     command = shlex.join(["armid", "recalibrate", run, *recordings])
-    sys.stdout.write(f"if the arm has changed since the run, {command} (with the same options) finds the changes\n")
+    sys.stdout.write(
+        f"if the arm has changed since the run, {command} (with the same options) finds the changed parameters\n"
+    )
 
 
 def _print(run: Run, validation: Validation, rollout: RunRollout | None, written: Sequence[Path]) -> None:

@@ -66,7 +66,7 @@ def motion_table(robot: Robot, scores: Sequence[MotionScore], *, closed: bool) -
 
     first = scores[0]
     condition = "under the same controller" if closed else "under the recorded torque alone"
-    table = Table(title=f"Position error of the rolled-out model, {condition}", header_style="bold")
+    table = Table(title=f"Position error of the simulated motion, {condition}", header_style="bold")
     for name in ("joint", "RMS", "peak", "moved", f"until {first.tolerance:g}", "CAD RMS"):
         table.add_column(name, justify="left" if name == "joint" else "right")
     for j, joint in enumerate(robot.joints):
@@ -82,9 +82,9 @@ def motion_table(robot: Robot, scores: Sequence[MotionScore], *, closed: bool) -
         )
     count = sum(score.windows for score in scores)
     table.caption = (
-        f"{plural(count, 'window')} of {first.seconds:g} s; moved: RMS distance from a window's start; until: median "
-        "time until the error exceeds the tolerance in rad or m; CAD RMS: error with the masses of the description "
-        f"and without friction{_missing_nominal(scores, count)}"
+        f"{plural(count, 'window')} of {first.seconds:g} s; moved: RMS distance from the position at the start of "
+        "the window; until: median time until the error exceeds the tolerance in rad or m; CAD RMS: error with the "
+        f"masses of the description and without friction{_missing_nominal(scores, count)}"
     )
     table.caption_justify = "left"
     return table

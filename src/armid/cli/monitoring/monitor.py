@@ -37,8 +37,8 @@ Gain = Annotated[
     typer.Option(
         "--gain",
         metavar="K",
-        help="Gain of the observer, 1/s, which is late by 2/K; by default 100, or half the sample rate if this is "
-        "less.",
+        help="Gain K of the observer, 1/s; its output is delayed by 2/K; by default 100, or half the sample rate if "
+        "this is less.",
     ),
 ]
 References = Annotated[
@@ -47,7 +47,7 @@ References = Annotated[
         "--reference",
         metavar="RECORDING",
         help="Recording without contact, made after the run, from which the thresholds are computed; by default the "
-        "recordings of the run, each predicted without itself; repeatable.",
+        "recordings of the run, each predicted by an estimate without it; repeatable.",
     ),
 ]
 
@@ -195,7 +195,7 @@ def _report(console: Console, made: Monitor, watched: Watched) -> None:
     if found.smallest == float("inf"):
         least = "no rate can be promised"
     console.print(
-        f"from {found.seconds / 60.0:.1f} min of unseen motion; {least}; observer {made.options.kind}, late by "
+        f"from {found.seconds / 60.0:.1f} min of unseen motion; {least}; observer {made.options.kind}, delayed by "
         f"{2000.0 / made.options.gain_at(made.rate):.0f} ms"
     )
     count = plural(len(watched.alarms), "alarm")

@@ -81,8 +81,10 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "free_start": _option(bool, False, "Let the search choose the start pose.", "--free-start"),
     "free_centre": _option(bool, False,
         "Let joints oscillate about a pose other than the start pose.", "--free-centre"),
-    "begin": _option(str | None, None, "Pose before the motion, rad or m: adds a lead-in.", metavar=POSE),
-    "end": _option(str | None, None, "Pose after the motion, rad or m: adds a lead-out.", metavar=POSE),
+    "begin": _option(str | None, None,
+        "Pose before the motion, rad or m; adds a move to the start pose.", metavar=POSE),
+    "end": _option(str | None, None,
+        "Pose after the motion, rad or m; adds a move from the start pose.", metavar=POSE),
     "limits": _option(
         str, "true", "true: limits on position, velocity and, if known, torque of the motion; thesis: equations "
             "(3.55d-f) of the thesis without the factor 1/L; thesis-literal: these equations as printed."
@@ -114,7 +116,8 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
         str | None, None, "Box in which the tip must stay, m: lower and upper corner.", metavar="X,Y,Z,X,Y,Z"
     ),
     "envelope": _option(
-        str | None, None, "Recording, plan.json or thesis-a1@27 whose velocity and acceleration are limits.",
+        str | None, None, "Recording or plan whose velocities and accelerations are limits; "
+        "thesis-a1@27: the plan with a period of 27 s.",
         metavar="MOTION",
     ),
     "envelope_of_arm": _option(
@@ -124,10 +127,10 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "noise": _option(str | None, None,
         "Standard deviation of the torque noise, N·m or N: one number, or one for each joint; by "
         "default that of the run given with --after, otherwise 1.", metavar="S…"),
-    "rate": _option(float, 100.0, "Rate at which samples count as independent, Hz."),
+    "rate": _option(float, 100.0, "Number of samples in one second that count as independent, Hz."),
     "repetitions": _option(int, 1, "Number of periods that will be recorded."),
-    "after": _option(SEVERAL, None, "Run or plan.json that already gives information; repeatable. The "
-        "design has the terms of the last run, unless --terms is given."),
+    "after": _option(SEVERAL, None, "Run or plan.json with information that the new motion completes; repeatable. "
+        "The design has the terms of the last run, unless --terms is given."),
     "predict": _option(SEVERAL, None, "Plan for which the model must predict the torque well; repeatable."),
     "budget": _option(float, 30.0, "Wall time of the search, s."),
     "seed": _option(int, 1, "Seed of the random starts; the same seed gives the same search."),

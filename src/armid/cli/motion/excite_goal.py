@@ -136,7 +136,7 @@ def prior_of_run(folder: str, goal: CriterionGoal) -> Array:
     position = np.array([index.get(name, -1) for name in information.names])
     if information.n != goal.model.n or (position < 0).all():
         raise ArmidError(
-            f"The run {folder} has none of the parameters of {goal.model.robot.name} with the given terms.",
+            f"The run {folder} has none of the base parameters of {goal.model.robot.name} with the given terms.",
             possible=", ".join(information.names[:8]) + ", …",
             remedy=f"if it is the same arm, give the terms of the run: --terms {terms}.",
         )

@@ -23,7 +23,7 @@ def numbers(text: str | None, name: str, count: int) -> Array | None:
     try:
         values = np.array([float(x) for x in text.replace(",", " ").split()])
     except ValueError:
-        raise ArmidError(f"{name} {text}: not a list of numbers.", remedy="write for instance 0,0.5,-1.") from None
+        raise ArmidError(f"{name} {text} is not a list of numbers.", remedy="write for instance 0,0.5,-1.") from None
     if len(values) != count or not np.isfinite(values).all():
         raise ArmidError(
             f"{name} needs {count} finite numbers; found {len(values)}: {text}.",
@@ -49,7 +49,7 @@ def parse_limits(given: Sequence[str]) -> dict[tuple[str, str], Limit]:
             result[joint, kind] = (float(low), float(high)) if colon else float(value)
         except ValueError:
             raise ArmidError(
-                f"--limit {text}: not a limit.",
+                f"--limit {text} is not a limit.",
                 remedy="write JOINT.velocity=1.2 or JOINT.position=-1:1; kinds are position, velocity, acceleration, "
                 "jerk, effort.",
             ) from None

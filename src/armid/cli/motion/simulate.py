@@ -51,7 +51,7 @@ def simulate(
     repetitions: Annotated[int | None, typer.Option(min=1, help="Number of repetitions of the motion.")] = None,
     period: Annotated[
         float | None,
-        typer.Option(help="Period of the simulated motion, s; the plan is slowed down or speeded up to it."),
+        typer.Option(help="Period of the simulated motion, s; the plan is slowed down or sped up to this period."),
     ] = None,
     rate: Annotated[float | None, typer.Option(help="Sampling rate of the log, up to 8000 Hz.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of noise and faults.")] = 1,

@@ -148,7 +148,7 @@ def _moved(record: Mapping[str, Any], run: Run | None, flange: str | None) -> Fl
     tip = record["tip"]
     if record["verdict"] == "fail":
         raise OutputError(
-            "The recordings of the load have errors, which make it wrong, so it is not written for a controller.",
+            "The recordings have errors, which make the load wrong, so it is not written for a controller.",
             remedy="correct the errors that armid payload reported, and estimate the load again.",
         )
     for finding in record["warnings"]:
@@ -203,7 +203,7 @@ def _require_body(values: Array) -> None:
     eigenvalues = np.linalg.eigvalsh(pseudo_inertia(values))
     if not (values[0] > 0.0 and eigenvalues[0] >= -CONSISTENCY_TOLERANCE * abs(eigenvalues[-1])):
         raise OutputError(
-            "The load is not a real body, so it is not written for a controller.",
+            "No real body can have the inertial parameters of the load, so it is not written for a controller.",
             remedy="estimate the load again with armid payload, from a motion that turns and accelerates it.",
         )
 

@@ -126,7 +126,7 @@ def _with_interval(number: LoadNumber) -> str:
     ends = " to ".join(f"{end:.6g}" for end in number.interval)
     known = bool(np.isfinite(number.interval).all())
     unit = f" {number.unit}" if number.unit else ""
-    absent = "" if number.in_file else "; the controller has no place for it"
+    absent = "" if number.in_file else "; the controller has no entry for this number"
     return (
         f"{number.name} = {number.value:.6g}{unit}, {f'interval {ends}{unit}' if known else 'not determined'}{absent}"
     )

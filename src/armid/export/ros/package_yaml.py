@@ -74,8 +74,8 @@ def require_axes(root: ET.Element, axes: Mapping[str, tuple[float, float, float]
     others = [name for name, rpy in axes.items() if name not in joints or not _has_axes(joints[name], rpy)]
     if others:
         raise OutputError(
-            f"The links have the names of the package {package}, but other frames: joints with other axes, or "
-            f"missing ones, are {', '.join(others)}. The numbers would be in the wrong frames.",
+            f"The links have the names of the package {package}, but other frames. These joints have other "
+            f"axes or are missing: {', '.join(others)}. The numbers would be in the wrong frames.",
             possible="the formats urdf and xacro",
             remedy=f"identify with a description of the present {package}, or choose another format with --to.",
         )

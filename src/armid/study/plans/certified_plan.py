@@ -1,4 +1,4 @@
-"""Last step of a design: check of the distances of the bodies, certification of all limits, and preflight report."""
+"""Last step of a design: check of the distances between bodies, certification of all limits, and preflight report."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from armid.excitation.design.sqp import DescentProblem, about_start
 from armid.excitation.preflight import Preflight, preflight
 
 Stage = Callable[[str], None]
-"""Callback with the name of a stage of a design."""
+"""Callback that is called with the name of each stage of a design."""
 
 DRAWN, DRAWN_BY = 0.1, (0.97, 0.94, 0.88, 0.85)
 """If bodies are too close, the amplitudes of the joints between them are reduced step by step. The first number is
 the smallest total factor. The other numbers are the factors of the first steps; the last factor is used for all
-further steps. For pairs that are checked with the bodies themselves, the search keeps the distances only
-approximately."""
+further steps. The reduction is necessary because the search keeps some distances only approximately: those between
+bodies that are not replaced by capsules or hulls."""
 
 TRIED = 50.0
-"""Rate at which pairs of bodies are tested first [Hz]; afterwards they are tested at `RATE`."""
+"""Rate of the first test of the distances between bodies [Hz]; the second test has the rate `RATE`."""
 
 
 def certified_plan(

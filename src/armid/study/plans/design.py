@@ -51,10 +51,10 @@ def design_plan(
     executor: Executor | None = None,
     stage: Stage = lambda name: None,
 ) -> Designed:
-    """Designs the periodic motion with the smallest criterion that keeps all constraints.
+    """Designs the periodic motion that keeps all constraints and has the smallest value of the criterion.
 
     Args:
-        goal: Model, criterion, length and poses of the motion.
+        goal: Model, criterion, period and poses of the motion.
         constraints: Limits that the motion must keep.
         budget: Time, workers and seed of the search.
         progress: Function that is called after every descent of the search.
@@ -152,7 +152,7 @@ def _unlimited(plan: Plan, limits: Limits, robot: Robot) -> Finding | None:
 
 
 def _motion(limits: Limits, basis: SeriesBasis, constraints: DesignConstraints) -> tuple[ConstraintChannel, ...]:
-    """Constraint channels for limits of the motion itself, or of sums of the amplitudes of the series.
+    """Constraint channels of the limits: of the motion itself, or of sums of the amplitudes of the series.
 
     Raises:
         ArmidError: The kind of limits is unknown.

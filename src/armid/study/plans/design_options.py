@@ -29,8 +29,8 @@ class DesignGoal:
         goal: Model, and criterion that the design minimises.
         duration: Length of a period [s].
         harmonics: Number of harmonics of the series.
-        start: Start pose, shape (n,) [rad or m]; chosen automatically if not given.
-        free_start: True if the start pose is one of the unknowns.
+        start: Start pose, shape (n,) [rad or m]; armid chooses one if it is not given.
+        free_start: True if the search also chooses the start pose, as one of its unknowns.
         free_centre: True if joints may oscillate about a pose other than the start pose, which equation (3.55c) of
             the thesis excludes.
         begin: Pose of the arm before the motion, shape (n,) [rad or m]; the start pose if not given.
@@ -53,13 +53,13 @@ class DesignConstraints:
 
     Attributes:
         limits: One of `LIMIT_KINDS`.
-        given: Limits, by joint and kind, that replace the limits of the description.
+        given: Limits that replace the limits of the description, by joint and kind of limit.
         acceleration: Limit of the acceleration of every joint [rad/s² or m/s²]; no limit if not given.
         jerk: Limit of the jerk of every joint [rad/s³ or m/s³]; no limit if not given.
         torque_margin: Share of the torque limits that must stay unused; if `None`, torque is not limited.
         estimate: Estimate from which torque is computed; if not given, torque is computed from the description.
         clearance: Smallest allowed distance between bodies [m]; if `None`, collisions are not checked.
-        surroundings: Bodies that do not move.
+        surroundings: Fixed bodies around the arm.
         floor: Assumed floor; it is ignored if the arm does not start above it.
         workspace: Region in which the tip must stay.
         envelope: Motion whose velocities and accelerations must not be exceeded.
@@ -91,7 +91,7 @@ class SearchBudget:
         budget: Wall time of the search [s]; `None` if only `rounds` limits the search.
         seed: Seed of the random starting points.
         workers: Number of processes; with 0 the search runs in the present process.
-        rounds: Largest number of rounds.
+        rounds: Largest number of rounds of the search; `None` if only `budget` limits the search.
     """
 
     budget: float | None = 30.0
@@ -101,7 +101,7 @@ class SearchBudget:
 
 
 def constrained_limits(robot: Robot, constraints: DesignConstraints) -> Limits:
-    """Limits of the joints for a design; `envelope` also limits velocity and acceleration to those of a motion."""
+    """Limits of the joints for a design; velocities and accelerations of a given envelope are limits, too."""
     limits = limits_of(robot, constraints.given, acceleration=constraints.acceleration, jerk=constraints.jerk)
     if constraints.envelope is None:
         return limits

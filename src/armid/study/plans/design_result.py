@@ -32,10 +32,10 @@ class Designed(Displayed):
         problem: The optimisation problem, with constraints for all pairs of bodies.
         x: Unknowns of the plan, shape (n k,), with k unknowns of each joint.
         limits: Limits of the joints.
-        search: Course of the search.
+        search: Result of the search for the best motion.
         preflight: Check of the plan against all limits.
         findings: Findings of the design.
-        collision: Bodies that are kept apart; `None` where collisions are not checked.
+        collision: Pairs of bodies that must keep a distance; `None` if collisions are not checked.
     """
 
     plan: Plan
@@ -81,7 +81,10 @@ class Designed(Displayed):
         return f"{series.harmonics} harmonics over {series.period:g} s, {times}{leads}"
 
     def spread(self, margin: Margin) -> tuple[float, float, float, float] | None:
-        """Lowest and highest position of a joint, then its two position limits; `None` if another limit is given."""
+        """Lowest and highest position [rad or m] of the joint of a position limit, then its lower and upper limit.
+
+        The result is `None` if the margin belongs to another kind of limit.
+        """
         if margin.limit != "position" or margin.label not in self.limits.joints:
             return None
         j, series = self.limits.joints.index(margin.label), self.plan.excitation
@@ -90,7 +93,7 @@ class Designed(Displayed):
         return low, high, float(self.limits.lower[j]), float(self.limits.upper[j])
 
     def summary(self) -> Summary:
-        """Summary with the smallest margin to each kind of limit."""
+        """Summary with the smallest margin between the plan and each kind of limit."""
         rows = tuple(
             (each.limit, each.label, f"{each.value:.4g} of {each.bound:.4g} {each.unit}", f"{each.certified:.1%}")
             for each in worst(self.preflight.margins)

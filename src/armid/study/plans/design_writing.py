@@ -1,4 +1,4 @@
-"""Files of a design: plan, motions for controllers, slow rehearsals, preflight report."""
+"""Files of a designed motion: plan, motion for controllers and the same motion at low speed, preflight report."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def save_design(
         folder: Output folder; an existing plan is replaced.
         formats: Names of the formats of the motion files; formats that cannot represent this arm are left out.
         rate: Sample rate in every format [Hz]; if not given, the default of each format.
-        rehearsal: Speed of the rehearsal as a share of the speed of the plan.
+        rehearsal: Speed of the rehearsal (the same motion, but slower), as a share of the speed of the plan.
     """
     record = plan_record(designed)
     with whole_folder(folder, PLAN_FILE, "plan") as draft:

@@ -1,4 +1,4 @@
-"""Motions from a given pose to the start pose of an excitation, and from the start pose to a given last pose."""
+"""Motions before and after an excitation: from a given pose to the start pose, and from the start pose to another."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LEAD_CHECKS = 200.0
 """Rate at which the motions to and from the start pose are checked for collisions [Hz]."""
 
 LEAD_ACCELERATION = 2.0
-"""Acceleration of the motions to and from the start pose if no limit is given [rad/s² or m/s²]."""
+"""Acceleration of the motions to and from the start pose if no acceleration limit is given [rad/s² or m/s²]."""
 
 
 def add_leads(basis: SeriesBasis, x: Array, goal: DesignGoal, limits: Limits, name: str) -> Plan:
@@ -67,5 +67,6 @@ def check_leads(plan: Plan, robot: Robot, collision: CollisionOptions | None) ->
                 f"During the motion from or to the {name} pose, {close[0].pair} come too close to each other: "
                 f"{1000 * max(close[0].distance, 0.0):.0f} mm instead of at least "
                 f"{1000 * close[0].required_distance:.0f} mm.",
-                remedy=f"choose another pose with --{name}, or leave it out and move the arm there by hand.",
+                remedy=f"choose another pose with --{name}, or leave --{name} out and move the arm by hand "
+                "between this pose and the start pose.",
             )

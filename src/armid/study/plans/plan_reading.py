@@ -25,12 +25,12 @@ PLAN, REMEDY = "a plan", "give a plan.json that armid excite has written, or des
 
 
 def is_plan(name: str) -> bool:
-    """True for the name of a built-in plan, of a `plan.json` or of a folder with one."""
+    """True if a name is that of a built-in plan, of a `plan.json`, or of a folder that contains a `plan.json`."""
     return name in PLANS or name.endswith(".json") or (Path(name) / PLAN_FILE).is_file()
 
 
 def series_of(name: str) -> Excitation:
-    """Excitation of a plan: a built-in plan, a `plan.json`, its folder, or a motion file next to a `plan.json`.
+    """Excitation of a built-in plan, of a `plan.json`, of the folder of a plan, or of a motion file in this folder.
 
     Raises:
         ArmidError: There is no such plan.
@@ -44,10 +44,11 @@ def series_of(name: str) -> Excitation:
 
 
 def motion_of_plan(name: str, robot: Robot, rate: float) -> Motion | None:
-    """Motion of a plan or of a motion file for a controller; `None` if the name belongs to something else.
+    """Motion of a plan or of a motion file for a controller; `None` if the name is that of neither of them.
 
     Args:
-        name: A built-in plan, a `plan.json`, a folder with one, or a motion in one of the formats of `armid excite`.
+        name: Name of a built-in plan, or path of a `plan.json`, of the folder of a plan, or of a motion file in one
+            of the formats of `armid excite`.
         robot: The arm.
         rate: Sample rate of a plan [Hz]; a motion in a file has its own rate.
 
@@ -70,10 +71,10 @@ def motion_of_plan(name: str, robot: Robot, rate: float) -> Motion | None:
 
 
 def other_joints_of_plan(name: str, robot: Robot) -> tuple[Finding, ...]:
-    """Finding that a plan was designed for joints with other names than those of the arm; empty if it was not.
+    """Finding that a plan was designed for joints with other names than those of the arm; empty if the names agree.
 
     Args:
-        name: A built-in plan, a `plan.json`, a folder with one, or a motion file.
+        name: Name of a built-in plan, or path of a `plan.json`, of the folder of a plan, or of a motion file.
         robot: The arm.
     """
     path = Path(name) / PLAN_FILE if Path(name).is_dir() else Path(name)
@@ -89,8 +90,9 @@ def other_joints_of_plan(name: str, robot: Robot) -> tuple[Finding, ...]:
             "warning",
             "",
             f"{name} was designed for the joints {', '.join(joints)}, but those of {robot.name} are "
-            f"{', '.join(robot.joint_names)}. The positions are taken in the order of the joints.",
-            "if the plan is for another arm, give one for this arm; if only the names differ, nothing is to be done.",
+            f"{', '.join(robot.joint_names)}. The joints are matched by their order, not by their names.",
+            "if the plan is for another arm, give a plan for this arm; if only the names of the joints differ, no "
+            "action is needed.",
         ),
     )
 
@@ -138,7 +140,7 @@ def limits_of_plan(name: str, robot: Robot) -> Limits | None:
     """Limits of the joints with which a plan was designed; `None` if the file has no limits for these joints.
 
     Args:
-        name: A built-in plan, a `plan.json` or a folder with one.
+        name: Name of a built-in plan, or path of a `plan.json` or of the folder of a plan.
         robot: The arm.
 
     Raises:
@@ -162,16 +164,16 @@ def limits_of_plan(name: str, robot: Robot) -> Limits | None:
 LIMITS_LEFT_OUT = {"lower": -np.inf, "upper": np.inf} | dict.fromkeys(
     ("velocity", "acceleration", "jerk", "effort"), np.inf
 )
-"""Values that limits have if they are null in a `plan.json`, by kind."""
+"""Values that stand for null (no limit) in the joint limits of a `plan.json`, by kind of limit."""
 
 
 def limits_record(limits: Limits) -> dict[str, Any]:
-    """Limits of the joints by kind, for the key `joint_limits` of a `plan.json`."""
+    """Converts limits of the joints to the record, by kind, under the key `joint_limits` of a `plan.json`."""
     return {key: getattr(limits, key) for key in LIMITS_LEFT_OUT}
 
 
 def shape_records(shapes: Sequence[Shape]) -> list[dict[str, Any]]:
-    """Bodies of the surroundings, for the key `surroundings` of a `plan.json`."""
+    """Converts bodies of the surroundings to the records under the key `surroundings` of a `plan.json`."""
     return [
         {"name": shape.name, "kind": shape.kind, "size": shape.size, "placement": shape.placement} for shape in shapes
     ]

@@ -35,7 +35,7 @@ from armid.study.plans.start_pose_and_bodies import place_motion
 from armid.study.plans.torque_constraint import judged_torque, pose_holds, torque_lacks
 
 CHECK_RATE, APPROACH_RATE = 1000.0, 100.0
-"""Rates at which limits and distances of bodies are checked along the moves [Hz]."""
+"""Rate of the check of the limits, and rate of the check of the distances between bodies, along the moves [Hz]."""
 
 CHUNK = 2000
 """Number of samples of a motion for which torque is computed at a time, to save memory."""
@@ -49,7 +49,7 @@ class MovesGoal:
         kind: `poses` or `sweeps`.
         poses: Number of static poses.
         rest: Time at rest in each static pose [s].
-        start: Start pose, shape (n,) [rad or m]; chosen automatically if not given.
+        start: Start pose, shape (n,) [rad or m]; armid chooses one if it is not given.
         seed: Seed of the random poses.
     """
 
@@ -72,7 +72,7 @@ class DesignedMoves:
         torque: Constraint channel of the torque limits; `None` if torque is not checked.
         preflight: Check of the moves against all limits.
         findings: Findings of the design.
-        collision: Bodies that are kept apart; `None` where collisions are not checked.
+        collision: Pairs of bodies that must keep a distance; `None` if collisions are not checked.
     """
 
     kind: str
@@ -91,18 +91,21 @@ class DesignedMoves:
 
     @property
     def start(self) -> Array:
-        """First pose, shape (n,) [rad or m]."""
+        """First pose of the moves, shape (n,) [rad or m]."""
         return self.plan.poses[0]
 
     @property
     def heading(self) -> str:
-        """Text with the number of segments of each kind and the duration."""
+        """Text with the number of segments of each kind (way, rest or sweep) and the duration of the whole plan."""
         kinds = self.plan.kinds
         counts = ", ".join(f"{kinds.count(kind)} {kind}s" for kind in dict.fromkeys(kinds))
         return f"{counts} in {self.plan.duration:.0f} s"
 
     def spread(self, margin: Margin) -> tuple[float, float, float, float] | None:
-        """Lowest and highest position of a joint, then its two position limits; `None` if another limit is given."""
+        """Lowest and highest position [rad or m] of the joint of a position limit, then its lower and upper limit.
+
+        The result is `None` if the margin belongs to another kind of limit.
+        """
         if margin.limit != "position":
             return None
         j = self.limits.joints.index(margin.label)
@@ -175,7 +178,7 @@ def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConst
 def _distances(
     collision: CollisionOptions | None, robot: Robot, motion: Motion
 ) -> tuple[tuple[ClosestApproach, ...], tuple[LeftOutContact, ...], tuple[IgnoredPair, ...]]:
-    """Closest approaches along a motion, contacts of unchecked pairs, and the unchecked pairs themselves."""
+    """Closest approaches of checked pairs of bodies along a motion, contacts of unchecked pairs, and these pairs."""
     if collision is None:
         return (), (), ()
     approaches = closest_approaches(collision, robot, motion.time, motion.q)
@@ -185,7 +188,11 @@ def _distances(
 def _margins(
     motion: Motion, robot: Robot, limits: Limits, torque: Torque | None, goal: CriterionGoal
 ) -> tuple[Margin, ...]:
-    """Margins of a motion to every limit; the largest step between samples is added for the time between samples."""
+    """Margins of a motion to every limit.
+
+    A certified share is the largest share of the limit at the samples plus the largest change of the share from one
+    sample to the next, because the motion between the samples is not computed.
+    """
     middle, half = 0.5 * (limits.upper + limits.lower), 0.5 * (limits.upper - limits.lower)
     jerk = np.diff(motion.ddq, axis=0, append=motion.ddq[-1:]) * CHECK_RATE
     result: list[Margin] = []

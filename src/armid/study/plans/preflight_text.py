@@ -18,30 +18,30 @@ from armid.study.plans.poses_and_sweeps import DesignedMoves
 from armid.study.storage.records import finding_record
 
 Checked = Designed | DesignedMoves
-"""Designed motion with its preflight check."""
+"""Designed motion (periodic, poses or sweeps) with its preflight check."""
 
 MOST_LINES = 12
-"""Largest number of parameters, and of pairs of bodies, in the text; the JSON contains all parameters and pairs."""
+"""Largest number of parameters, and of pairs of bodies, in the text report; `preflight.json` has all of them."""
 
 MARKS = {"pass": "✓", "fail": "✗", "weak": "!", "not checked": "–"}
 """Marks that precede the verdict of a preflight check, by verdict."""
 
 MEASURED = "distances between the shapes of the description, their convex hulls, or triangles of meshes"
-"""Explanation of the representations of bodies between which the closest approaches are computed."""
+"""Text that explains which shapes represent the bodies when the closest approaches are computed."""
 
 
 def mark_of(report: Preflight) -> str:
     """Mark that precedes the verdict of a preflight check.
 
-    The mark is also `!`, which means a warning, if limits are wider than described, or if the bodies of a pair touch
-    that the user has excluded.
+    A passed check also has the mark `!`, which means a warning, if limits are wider than described, or if the bodies
+    of a pair touch that the user has excluded from the check.
     """
     doubtful = report.wider is not None or any(each.unexpected for each in report.touching)
     return MARKS["weak" if report.verdict == "pass" and doubtful else report.verdict]
 
 
 def findings_of(designed: Checked) -> tuple[Finding, ...]:
-    """Findings of the description and of the design, without duplicates."""
+    """Findings about the robot description and about the design, without duplicates."""
     return tuple(dict.fromkeys((*designed.robot.findings, *designed.findings)))
 
 
@@ -138,7 +138,7 @@ def report_text(designed: Checked, *, findings: bool = True) -> str:
 
 
 def skipped_pairs(report: Preflight) -> dict[str, Any]:
-    """Pairs that are not checked: a sentence with their number (`counted`), and the pairs by reason (`skipped`)."""
+    """Record of the pairs of bodies that are not checked: a sentence with their number, and the pairs by reason."""
     count = len(report.skipped)
     counted = f"{plural(count, 'pair')} of bodies {'is' if count == 1 else 'are'} not checked"
     return {"counted": counted, "skipped": pairs_by_reason(report.skipped)}
@@ -162,9 +162,9 @@ def _approach_lines(report: Preflight) -> list[str]:
 
 
 def constant_text(constant: Sequence[ClosestApproach]) -> str:
-    """Sentence that names pairs with constant distance, with distance and required distance of each pair."""
+    """Sentence that lists pairs with nearly constant distance, each with its distance and its required distance."""
     pairs = "; ".join(f"{a.pair} {1000 * a.distance:.1f} mm ({1000 * a.required_distance:.1f} mm)" for a in constant)
-    return f"neighbouring links at a nearly constant distance, with this and the required distance: {pairs}"
+    return f"neighbouring links at a nearly constant distance, and in parentheses the required distance: {pairs}"
 
 
 def _criterion_lines(designed: Designed) -> list[str]:
@@ -200,14 +200,14 @@ def _expected_lines(designed: Designed) -> list[str]:
     for k in order[:MOST_LINES]:
         lines.append(f"  {expected.names[k]:<12}{expected.deviation[k]:12.3g} {expected.units[k]}")
     if len(order) > MOST_LINES:
-        lines.append(f"  … {len(order) - MOST_LINES} more are smaller; preflight.json contains all of them")
+        lines.append(f"  … {len(order) - MOST_LINES} more deviations are smaller; preflight.json contains all")
     torque = ", ".join(f"{x:.3g} {unit}" for x, unit in zip(expected.torque, units, strict=True))
-    lines.append(f"  predicted torque, joint by joint: {torque}")
+    lines.append(f"  deviation of the predicted torque, joint by joint: {torque}")
     return lines
 
 
 def start_text(designed: Checked) -> str:
-    """Text with the start pose: name, position and unit of each joint."""
+    """Text that gives the start pose: name, position and unit of each joint."""
     q, joints = designed.start.tolist(), designed.robot.joints
     return ", ".join(f"{joint.name} {round(x, 4) + 0.0:g} {joint.unit}" for joint, x in zip(joints, q, strict=True))
 
@@ -232,7 +232,7 @@ def margins_text(designed: Checked) -> str:
 
 
 def _finding_line(finding: Finding) -> str:
-    """Line with a finding and its remedy."""
+    """Line of the preflight report with a finding and its remedy."""
     where = f"{finding.channel}: " if finding.channel else ""
     stop = "; " if finding.remedy and finding.evidence[-1:] not in (".", ";") else " "
     said = stop.join(part for part in (where + finding.evidence, finding.remedy) if part)

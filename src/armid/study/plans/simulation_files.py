@@ -1,4 +1,4 @@
-"""Simulation of a recording; the recording and the true parameters are written to files."""
+"""Simulation of an arm, and files with the simulated recording and with the true parameters of the arm."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class WrittenSimulation:
 
 
 def the_plan(name: str, period: float | None = None) -> Excitation:
-    """Excitation of a built-in plan or a plan of `armid excite`; with `period` [s], slowed down or sped up to it."""
+    """Excitation of a built-in plan or a plan of `armid excite`, slowed down or sped up to `period` [s] if given."""
     plan = series_of(name)
     return plan if period is None else plan.stretched(period)
 
@@ -97,7 +97,7 @@ def simulate_to(
 
 
 def _archive(trace: TrueMotion, rate: float) -> bytes:
-    """Content of an NPZ file with the true motion at a rate [Hz], at the times of the rows without jitter."""
+    """Content of an NPZ file with the true motion, sampled at a rate [Hz] without jitter of the clock."""
     every = round(1.0 / (rate * (trace.time[1] - trace.time[0])))
     names = {name: getattr(trace, name) for name in trace.__slots__}
     buffer = io.BytesIO()

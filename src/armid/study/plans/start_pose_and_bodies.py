@@ -27,16 +27,17 @@ from armid.robot.shapes import Shape
 from armid.study.plans.design_options import DesignConstraints
 
 TIGHT = 0.1
-"""If less than this share of random moves from a start pose is free of collisions, hulls replace capsules."""
+"""If less than this share of random moves from a start pose is free of collisions, the bodies are enclosed in hulls
+instead of capsules, which are wider."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Placement:
-    """Start pose of a designed motion, with the pairs of bodies that must be kept apart.
+    """Start pose of a designed motion, with the pairs of bodies that must keep a distance.
 
     Attributes:
         start: The pose, shape (n,) [rad or m].
-        collision: Bodies that are kept apart; `None` where collisions are not checked.
+        collision: Pairs of bodies that must keep a distance; `None` if collisions are not checked.
         limits: Limits of the joints; position limits are narrowed so that adjacent links do not touch.
         findings: Findings on start pose, floor and collisions.
         unchecked: Reason why collisions are not checked; empty if they are checked.
@@ -62,7 +63,7 @@ def place_motion(
         limits: Limits of the joints of the arm.
         constraints: Clearance, surroundings and floor.
         given: Start pose that the user gives, shape (n,) [rad or m]; `None` if a pose is chosen.
-        holds: Function that tests whether the joints can hold poses.
+        holds: Function that tests whether the torques of the joints are sufficient to hold poses.
 
     Raises:
         ArmidError: The given pose violates a limit, or bodies are too close to each other in this pose.
@@ -108,9 +109,9 @@ def _among_bodies(
         start = chosen.pose
         if not chosen.usual:
             evidence = (
-                "limits, bodies or torque leave less free space around the usual start pose than around another "
-                f"pose, so the motion starts from this pose: {_positions(robot, start)}; on average, random moves "
-                f"from it are free of collisions for {100 * chosen.free_share:.0f} % of their length"
+                f"the motion starts from {_positions(robot, start)} and not from the usual start pose, around which "
+                "limits, bodies or torque leave less free space; on average, random moves from the chosen pose are "
+                f"free of collisions for {100 * chosen.free_share:.0f} % of their length"
             )
             findings = (_chosen(evidence), *findings)
     collision = collision_options(cell, start)
@@ -149,7 +150,7 @@ def _without_bodies(robot: Robot, limits: Limits, holds: Holds) -> tuple[Array, 
 
 
 def _positions(robot: Robot, pose: Array) -> str:
-    """Text with a pose: name, position and unit of each joint."""
+    """Text that gives a pose: name, position and unit of each joint."""
     return ", ".join(f"{joint.name} {q:.4g} {joint.unit}" for joint, q in zip(robot.joints, pose, strict=True))
 
 
@@ -240,7 +241,7 @@ def _are(pairs: Sequence[IgnoredPair]) -> str:
 
 
 def _by_reason(pairs: Sequence[IgnoredPair]) -> list[str]:
-    """Texts on pairs that are not checked: each reason, with the pair of links or the number of pairs."""
+    """Texts about unchecked pairs of bodies: each reason, with the pair of links or the number of pairs."""
     return [
         f"{why} ({found[0] if len(found) == 1 else plural(len(found), 'pair') + ' of links'})"
         for why, found in pairs_by_reason(pairs).items()

@@ -17,7 +17,8 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 
 UPRIGHT = 0.996
-"""Cosine of the largest angle, five degrees, between gravity and -z of the base of a standing arm."""
+"""An arm counts as standing if the angle between gravity and -z of its base is at most five degrees, that is, if the
+cosine of this angle is at least this value."""
 
 STANDS = (-0.05, 0.1)
 """An arm counts as standing if the lowest point of the bodies that are fixed to the base is in this range of heights
@@ -38,7 +39,7 @@ class AssumedFloor:
 
 
 def surroundings_of(options: Mapping[str, Any], robot: Robot) -> tuple[Shape, ...]:
-    """Bodies of the surroundings from the values of the options `floor` and `environment` of a command."""
+    """Bodies around the arm, made from the values of the options `floor` and `environment` of a command."""
     shapes = () if options["environment"] is None else load_environment(options["environment"], robot)
     return shapes if options["floor"] is None else (*shapes, floor(options["floor"], robot.gravity))
 

@@ -28,13 +28,13 @@ from armid.robot.robot import Robot
 from armid.study.plans.design_options import DesignConstraints
 
 HELD = 0.9
-"""Largest share of the torque limits that is needed to hold the arm in an automatically chosen start pose."""
+"""Largest share of its torque limit that a joint may need to hold the arm in an automatically chosen start pose."""
 
 
 def judged_torque(
     goal: CriterionGoal, limits: Limits, constraints: DesignConstraints
 ) -> tuple[Torque | None, tuple[Finding, ...]]:
-    """Constraint channel of the torque limits, with findings about the masses with which torque is computed."""
+    """Constraint channel of the torque limits, and findings about the masses with which the torque is computed."""
     if constraints.torque_margin is None:
         return None, ()
     unlimited = [limits.joints[j] for j in np.flatnonzero(~np.isfinite(limits.effort))]
@@ -76,7 +76,7 @@ def judged_torque(
 
 
 def _described(robot: Robot) -> tuple[TorqueModel | None, Array | None]:
-    """Torque model of the description, with its base parameters (b,); `None` if no inertia is described."""
+    """Torque model and base parameters (b,) of the robot description; both `None` if it describes no inertia."""
     found = described_torque(robot)
     if found is None:
         return None, None
@@ -87,7 +87,9 @@ def _described(robot: Robot) -> tuple[TorqueModel | None, Array | None]:
 
 def _contained(estimate: EstimatedTorque) -> str:
     """Sentence that names the estimate from which torque is computed, and its torque terms."""
-    slipping = "; hysteresis counts as slipping in the direction of motion" if "hysteresis" in estimate.terms else ""
+    slipping = (
+        "; hysteresis is that after a long motion in the same direction" if "hysteresis" in estimate.terms else ""
+    )
     return f"torque is computed from {estimate.origin}, with all of its terms: {', '.join(estimate.terms)}{slipping}"
 
 

@@ -66,7 +66,7 @@ def plausibility_findings(
 
 
 def drift_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
-    """Finding about offsets that differ between recordings by more than the RMS residual of the joint; or `None`."""
+    """Finding about offsets that differ between recordings by more than the RMS residual of the joint, or `None`."""
     drifts: list[str] = []
     for parameter in (each for each in model.parameters if each.name in offset_names(model)):
         copies = [k for k, name in enumerate(fit.names) if name.of_all == parameter.name]
@@ -91,7 +91,7 @@ def drift_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
 def far_findings(standard: StandardParameters | None, fit: Fit) -> list[Finding]:
     """Findings about link masses that are far from the description.
 
-    Masses that the data determine get a separate finding, because they do not follow the prior, so that another prior
+    Masses that the data determine get a separate finding, because a prior hardly affects them, so that another prior
     is no remedy.
     """
     standard_fit = fit.standard
@@ -133,7 +133,7 @@ def _far(evidence: str, remedy: Remedy | str) -> Finding:
 
 
 def _nearer(prior: str) -> Remedy | str:
-    """Remedy for masses far from the description that the data do not determine, by the kind of the prior."""
+    """Remedy for masses far from the description that the data do not determine; it depends on the kind of prior."""
     if prior == "log-det":
         return "if better masses are known, write them into the description and identify again"
     return lines(
@@ -159,7 +159,7 @@ def listed_masses(names: Sequence[str], found: Array, described: Array, which: N
 
 
 def excitation_finding(information: Information, model: DynamicsModel, observations: Observations) -> Finding | None:
-    """Finding about a recorded motion with which some parameters can hardly be distinguished; or `None`."""
+    """Finding that some parameters can hardly be distinguished with the recorded motion, or `None`."""
     columns = stack(total(information))[0]
     _, values, directions = np.linalg.svd(unit_columns(columns)[0], full_matrices=False)
     condition = float(values[0] / values[-1])
@@ -180,7 +180,7 @@ def excitation_finding(information: Information, model: DynamicsModel, observati
 
 
 def few_blocks_finding(fit: Fit) -> Finding | None:
-    """Finding about intervals for which white residuals are assumed without a test, or `None`."""
+    """Finding that intervals assume white residuals because the data are too few for a test, or `None`."""
     if fit.covariance_kind != "white" or fit.report.whiteness is not None:
         return None
     return Finding(

@@ -20,22 +20,22 @@ from armid.information.accumulate import accumulate_information
 from armid.information.information import Information
 
 CODE = "one-sided-filter"
-"""Code of the finding."""
+"""Code of the finding that only the torque is filtered, and not the columns of the regressor."""
 
 CHANGED = 0.1
-"""Share of the base parameters outside their 95 % intervals from which the bias is an error: twice the share that
-intervals without bias leave out."""
+"""The finding is an error if more than this share of the base parameters leave their 95 % intervals when the columns
+are filtered, too. Without bias, half of this share would be outside."""
 
 DOMINANT = 2.0
-"""Ratio of the residuals without and with the filter on the columns from which the bias is an error,
-because it is then most of the residual."""
+"""The finding is an error if the residual without the filter on the columns is more than this many times the residual
+with it, because the bias is then most of the residual."""
 
 
 def one_sided_filter_finding(information: Information, problem: EstimationProblem, fit: Fit) -> Finding | None:
     """Finding about the bias of an estimate for which only the torque was filtered, or `None` without such a filter.
 
     The severity is `error` if the filter causes most of the residual, or if more than a tenth of the base parameters
-    leave their 95 % intervals when the columns are filtered too.
+    leave their 95 % intervals when the columns of the regressor are filtered, too.
 
     Args:
         information: Information with one set of friction parameters for all recordings.
@@ -65,8 +65,8 @@ def one_sided_filter_finding(information: Information, problem: EstimationProble
         CODE,
         "error" if before > DOMINANT * after or len(left) > CHANGED * len(names) else "warning",
         "",
-        f"Only the torque is filtered ({band.cutoff:g} Hz), not the model's columns (columns = false), so the "
-        "estimate is biased. With the filter on both sides, the parameters change by "
+        f"Only the torque is filtered ({band.cutoff:g} Hz), not the columns of the regressor (columns = false), so "
+        "the estimate is biased. With the filter on both sides, the parameters change by "
         f"{100 * relative:.2g} % of their norm, {len(left)} of {len(names)} leave their 95 % intervals, and the "
         f"residual changes from {before:.3g} to {after:.3g} (root of the sum of squares over the joints). More "
         "friction laws or data do not remove the bias.",

@@ -15,7 +15,8 @@ RECORDING_ERRORS = "errors in the recordings"
 parentheses."""
 
 PROCESSING_ERRORS = "errors in the processing"
-"""The same for errors in the processing of the recordings."""
+"""Beginning of the names of checks that fail because of errors in the processing of the recordings. The code of the
+finding follows in parentheses."""
 
 
 def contradictions(findings: Sequence[Finding]) -> tuple[Check, ...]:

@@ -30,23 +30,24 @@ from armid.validation.torque_validation import Score
 CODE = "recordings-disagree"
 
 WORSE = 1.2
-"""Smallest ratio of the residuals of a joint without and with a torque scale at which the scale is reported."""
+"""A torque scale of a joint is reported if the residual of the joint without this scale, divided by its residual with
+the scale, is at least this ratio."""
 
 OTHERWISE = 1.5
-"""If torque scales do not explain a difference, a recording is reported from this ratio on: residual of the recording
-in the common fit of all recordings, divided by its residual in a fit of this recording alone. For recordings of one
-arm with one load, the ratio was at most 1.11."""
+"""Smallest ratio at which a recording is reported although torque scales do not explain the difference: residual of
+the recording in the common fit of all recordings, divided by its residual in a fit of this recording alone. For
+recordings of one arm with one load, the ratio was at most 1.11."""
 
 LARGE = 0.08
-"""Smallest residual of a recording in the common fit, divided by its torque, from which the recording is reported
-although torque scales do not explain the difference. Recordings of five seconds had ratios (see `OTHERWISE`) of up to
+"""A recording whose difference is not explained by torque scales is reported only if its residual in the common fit,
+divided by its torque, is at least this large. Recordings of five seconds had ratios (see `OTHERWISE`) of up to
 2.2, because separate fits follow the noise, but residuals of 5 %. With an additional load of 2.8 kg the residual was
 15 %."""
 
 CLEARLY, SMALL = 3.0, 0.03
-"""Ratio of the residuals (see `OTHERWISE`) from which a residual of this share of the torque is sufficient instead of
-`LARGE`. It is 1.8 for the training and validation recordings of an arm whose residuals are 2 %, and 3.1 with a load
-of a tenth of the arm's weight."""
+"""If the ratio of the residuals (see `OTHERWISE`) is at least `CLEARLY`, a residual of the share `SMALL` of the
+torque is sufficient for a finding, instead of the share `LARGE`. The ratio is 1.8 for the training and validation
+recordings of an arm whose residuals are 2 %, and 3.1 with a load of a tenth of the arm's weight."""
 
 SCALED = 1.15
 """Torque scale of a joint relative to other recordings, or its inverse, above which the scale is reported."""
@@ -55,25 +56,27 @@ WRONG = 1.3
 """Torque scale of a joint relative to other recordings, or its inverse, above which the finding is an error."""
 
 SURE = 5.0
-"""Smallest difference between a torque scale and one, in standard deviations, that is significant. The standard
-deviations do not include the error of the friction model. On recorded arms, this error shifted the scale of joints
-with little load by up to 4.4 standard deviations."""
+"""Smallest difference between a torque scale and 1 that is significant, in standard deviations of the scale. The
+standard deviations do not include the error of the friction model. On recorded arms, this error shifted the scale of
+joints with little load by up to 4.4 standard deviations."""
 
 EXPLAINED = 0.9
-"""Smallest share of the disagreement between recordings that torque scales must explain. If the cause was another
-load, torque scales explained 0.66 to 0.85."""
+"""Torque scales count as the cause of a disagreement only if they explain at least this share of it. If the cause was
+another load, torque scales explained 0.66 to 0.85."""
 
 LEFT = 1.5
-"""Torque scales explain the disagreement only up to this ratio: residual with torque scales, divided by the residual
-of separate fits. For a load of 10 kg the scales explained 97 % of the disagreement, but the ratio was 3.7."""
+"""Largest ratio at which torque scales count as the explanation of a disagreement: residual of the common fit with
+torque scales, divided by the residual of separate fits. For a load of 10 kg the scales explained 97 % of the
+disagreement, but the ratio was 3.7."""
 
 ALIKE = 0.8
-"""Fitting a recording separately decreases the cost. A recording may be the wrong one if this decrease is at least
-this share of the largest decrease of all recordings."""
+"""A separate fit of one recording decreases the cost, that is, the weighted sum of squared residuals. The recording
+may be the wrong one if its decrease is at least this share of the largest decrease of all recordings."""
 
 LARGER = 1.3
-"""Ratio of the error of a joint on a validation recording to that on the training recordings from which the
-recordings are compared. It saves time: other parameters or conventions make the error larger."""
+"""A validation recording is compared with the training recordings only if the error of some joint on it is larger
+than the error on the training recordings by this factor. This saves time, because a contradiction makes the error
+larger."""
 
 TRIED = 3
 """Largest number of recordings for which torque scales are computed, to find the recording that is wrong."""
@@ -81,7 +84,13 @@ TRIED = 3
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Odd:
-    """Recording that contradicts the others, with its torque scales, and the recording with the largest `excess`."""
+    """Recording that contradicts the others, with its torque scales.
+
+    Attributes:
+        agreement: Comparison of this recording with the others.
+        scales: Scales of its torques relative to the other recordings.
+        worst: Comparison of the recording whose residual grows most, relative to a separate fit, in the common fit.
+    """
 
     agreement: Agreement
     scales: TorqueScales
@@ -97,7 +106,7 @@ def disagreement_findings(
         model: Arm and torque terms.
         base: Base parameters of the model.
         information: Factors of the training recordings.
-        choices: Training recordings, by their number.
+        choices: Training recordings; the index is the number of the recording in `information`.
     """
     own = changing_parameters(model)[base.kept]
     names = _names(choices)
@@ -126,17 +135,18 @@ def validation_disagreements(
 ) -> list[Finding]:
     """Findings about validation recordings that contradict all training recordings together.
 
-    Only recordings are compared on which the error of some joint is much larger than on the training recordings.
-    Friction and offsets may differ between the two sides. If there is an error in a recording already, as if training
-    recordings contradict each other, nothing is compared: the cause is told, and the verdict is `fail`.
+    A validation recording is compared only if the error of some joint on it is much larger than on the training
+    recordings. Friction and offsets may differ between training and validation. If a finding of severity `error`
+    exists already, for instance because training recordings contradict each other, nothing is compared: the cause is
+    reported, and the verdict is `fail`.
 
     Args:
         model: Arm and torque terms.
         base: Base parameters of the model.
         information: Factors of the training recordings.
         training: Torque error on each training recording.
-        judged: Validation recordings with the torque error on each.
-        told: Findings on the recordings.
+        judged: Validation recordings, each with the torque error on it.
+        told: Findings about the recordings that are already reported.
     """
     if any(finding.severity == "error" for finding in told):
         return []
@@ -166,7 +176,7 @@ def _names(choices: Sequence[RecordingChoice]) -> list[str]:
 
 
 def _odd_recording(compared: Sequence[Agreement]) -> _Odd | None:
-    """Recording whose torques agree least with the other recordings; `None` if all recordings agree."""
+    """Recording whose torques agree least with those of the other recordings; `None` if all recordings agree."""
     if not any(each.cost - each.separate > each.expected for each in compared):
         return None
     most = max(each.cost - each.separate for each in compared)
@@ -202,12 +212,17 @@ def _finding(model: DynamicsModel, odd: _Odd, deviation: Array, name: str, again
 
 
 def scaled_joints(scale: Array, deviation: Array) -> NDArray[np.bool_]:
-    """Mask of the joints whose torque has another scale, significantly and by more than `SCALED`, shape (n,)."""
+    """Mask (n,) of the joints whose torque scale differs from 1 significantly and by more than the factor `SCALED`.
+
+    Args:
+        scale: Torque scale of each joint relative to other recordings, shape (n,).
+        deviation: Standard deviation of each torque scale, shape (n,).
+    """
     return (_factor(scale) > SCALED) & (np.abs(scale - 1.0) > SURE * deviation)
 
 
 def _factor(scale: Array) -> Array:
-    """Larger one of a torque scale and its inverse, shape (n,); very large for a negative scale."""
+    """Larger one of each torque scale and its inverse, shape (n,); very large for a negative scale."""
     positive = np.where(scale > 0.0, scale, np.finfo(float).tiny)
     return np.maximum(positive, 1.0 / positive)
 
@@ -215,7 +230,7 @@ def _factor(scale: Array) -> Array:
 def _scale_finding(
     model: DynamicsModel, scale: Array, deviation: Array, other: NDArray[np.bool_], name: str, against: str
 ) -> Finding:
-    """Finding about joints whose torque has another scale in one recording than in others."""
+    """Finding about joints whose torque scale in one recording differs from that in the other recordings."""
     listed = ", ".join(
         f"{model.robot.joint_names[j]} {scale[j]:.3g} ± {2.0 * deviation[j]:.1g}" for j in np.flatnonzero(other)
     )
@@ -224,7 +239,7 @@ def _scale_finding(
         "error" if bool((_factor(scale)[other] > WRONG).any()) else "warning",
         "",
         f"The torques of {name} have another scale than those of {against}. The ratios of the scales are: {listed} "
-        "(95 % intervals). Parameters that are estimated from both are a compromise between the scales.",
+        "(95 % intervals). Parameters that are estimated from all of them are a compromise between the scales.",
         f"find out which recording is right. If {name} is wrong, divide its key drive_gain by these ratios, or "
         "correct its unit or its key torque_sign; or leave out the recording that is wrong.",
     )

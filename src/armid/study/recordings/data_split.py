@@ -1,4 +1,4 @@
-"""Selection of parts of recordings, and the check that no sample is used twice in a study."""
+"""Parts of recordings that a study selects, and the check that the study uses no sample twice."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FEWEST_ROWS = 10
 
 
 def cut_recording(recording: Recording, part: tuple[float, float]) -> Recording:
-    """Rows of a recording between two shares of its length.
+    """Part of a recording: its rows between two shares of its length, from 0 (first row) to 1 (last row).
 
     Raises:
         StudyError: The part is too short to contain a motion.
@@ -51,10 +51,13 @@ def refuse_shared(recordings: Sequence[tuple[RecordingChoice, Recording]]) -> No
             apart = one.part[1] <= other.part[0] or other.part[1] <= one.part[0]
             if not a.sha256 or a.sha256 != b.sha256 or apart or {one.role, other.role} == {"validate"}:
                 continue
-            both = "train" if one.role == other.role else "train and validate"
+            both = (
+                "both are used to train"
+                if one.role == other.role
+                else "one is used to train and the other to validate"
+            )
             raise StudyError(
-                f"{one.path} and {other.path} contain the same data (sha256 {a.sha256[:12]}…), but are used "
-                f"to {both}.",
+                f"{one.path} and {other.path} contain the same data (sha256 {a.sha256[:12]}…), but {both}.",
                 possible="different recordings, or parts of one recording that do not overlap",
                 remedy="use different parts, for instance part = [0.0, 0.7] to train and part = [0.7, 1.0] to "
                 "validate.",

@@ -1,4 +1,4 @@
-"""Unique short names of recordings, and findings with the names of their recordings."""
+"""Unique short names of recordings, and texts of findings that contain these names."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def labels(choices: Sequence[RecordingChoice]) -> list[str]:
 
 
 def labelled(findings: Iterable[Finding], label: str) -> list[Finding]:
-    """Findings on one recording, with the name of the recording before the evidence of each finding."""
+    """Findings about one recording, after the name of the recording was put before the evidence of each finding."""
     return [replace(f, evidence=f"{label}: {f.evidence}") if label else f for f in findings]
 
 

@@ -1,4 +1,4 @@
-"""Training recordings of a study, or parts of its only one, that are left out in turn and predicted by the others."""
+"""Error on left-out data: training recordings, or parts of a single one, are predicted from the remaining data."""
 
 from __future__ import annotations
 
@@ -31,15 +31,16 @@ Separated = Callable[[EstimationProblem], EstimationProblem]
 def with_left_out(
     result: Estimate, problem: EstimationProblem, separated: Separated, method: Estimator
 ) -> tuple[Estimate, LeftOutError]:
-    """Leaves out training data in turn, and completes an estimate with what the left-out errors show.
+    """Leaves out training data in turn, and completes an estimate with the errors on the left-out data.
 
-    Each recording is left out if there are several, else parts of the only one. The covariance gets the scatter
-    between recordings, and the estimate the facts from which intervals of predictions are computed.
+    If there are several recordings, each one is left out; a single recording is left out part by part. The scatter
+    between recordings is added to the covariance of the estimate. The quantities from which prediction intervals are
+    computed are stored in the estimate.
 
     Args:
         result: Estimate from all training recordings.
         problem: Problem of all training recordings; its parameters are common to all recordings.
-        separated: Function that gives each recording its own parameters.
+        separated: Function that gives each recording its own friction or offsets, if the study asks for this.
         method: Estimator of the estimate, with its options.
 
     Returns:
@@ -85,7 +86,7 @@ def left_out_squares(problem: EstimationProblem, method: Estimator, fit: Fit) ->
 
     Args:
         problem: Problem of all training recordings.
-        method: Estimator with its options; a prior keeps the weight that it has in the fit.
+        method: Estimator with its options; if it has a prior, the weight of the prior is that of `fit`.
         fit: Estimate from all training recordings.
 
     Returns:
@@ -109,7 +110,7 @@ def left_out_squares(problem: EstimationProblem, method: Estimator, fit: Fit) ->
 
 
 def _squares_of_parts(problem: EstimationProblem, method: Estimator, fit: Fit) -> Array:
-    """Result of `left_out_squares`; NaN where nothing can be left out, an estimate fails, or it takes too long."""
+    """Sums (n,) of `left_out_squares`; NaN if no part can be left out, or if the method fails or is too slow."""
     nothing = np.full(problem.information.n, np.nan)
     if not method.quick:
         return nothing
@@ -121,7 +122,7 @@ def _squares_of_parts(problem: EstimationProblem, method: Estimator, fit: Fit) -
 
 
 def _recordings_of(information: Information, found: tuple[LeftOut, ...]) -> Information:
-    """Blocks of the recordings that were left out."""
+    """Information that contains only the blocks of the recordings that were left out."""
     return select(information, np.isin(information.recording, [k for each in found for k in each.recordings]))
 
 

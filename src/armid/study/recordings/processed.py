@@ -45,15 +45,17 @@ def process_each(
 ) -> tuple[ProcessedRecording, ...]:
     """Processes recordings one by one; the recordings are numbered, training recordings first.
 
-    Periodic edges are for a motion that closes. A validation recording without a stated period may have any motion:
-    if its motion does not close, the rows at its ends are dropped, and a finding says so.
+    Periodic edges need a motion that closes, that is, ends in the state in which it begins. A validation recording
+    without a stated period may have any motion: if its motion does not close, the rows at its ends are dropped, and a
+    finding says so.
 
     Args:
         recordings: Recordings with their roles and log formats.
         processing: Processing options.
         robot: The arm.
-        edges_required: True if training recordings must have the edges of the options; new recordings for a finished
-            run may have other edges, but then all of them have.
+        edges_required: True if training recordings must be processed with the option `edges` of `processing`. If
+            false (new recordings for a finished run), the rows at the ends of all of them are dropped if the motion
+            of one does not close.
 
     Raises:
         RecordingError: A recording cannot be processed with these options.
@@ -77,7 +79,7 @@ def process_each(
     if len({processed[index].observations.band for index in train}) > 1:  # one estimate has one band
         for choice, recording, index in numbered:
             if index in train and processed[index].observations.band.edges == "periodic":
-                why = "Another of the recordings needs it."
+                why = "The motion of another recording does not close, and all recordings need the same edges."
                 processed[index] = _with_dropped_edges(choice, recording, processing, robot, index, why)
     return tuple(processed[index] for _, _, index in numbered)
 
@@ -100,7 +102,16 @@ def _processed(
 def _with_dropped_edges(
     choice: RecordingChoice, recording: Recording, processing: ProcessingOptions, robot: Robot, index: int, why: str
 ) -> ProcessedRecording:
-    """Processes a recording whose motion does not close, without derivatives by Fourier series, which need that."""
+    """Processes a recording without periodic edges; Fourier series cannot give the derivatives then.
+
+    Args:
+        choice: Options of the recording in the study.
+        recording: The recording.
+        processing: Processing options, with periodic edges.
+        robot: The arm.
+        index: Number of the recording.
+        why: Reason why the edges cannot be periodic, a sentence for the finding.
+    """
     derivatives = "central" if processing.derivatives == "periodic" else processing.derivatives
     dropped = replace(processing, edges="drop", average=False, derivatives=derivatives)
     processed = _processed(choice, recording, dropped, robot, index)
@@ -116,9 +127,10 @@ def _with_dropped_edges(
 def judged_without_memory(
     processed: Iterable[ProcessedRecording], model: DynamicsModel
 ) -> tuple[ProcessedRecording, ...]:
-    """Recordings with which a model can be judged: validation recordings whose rows are not consecutive may be used.
+    """Makes a model with hysteresis usable on validation recordings whose rows are not consecutive.
 
-    Hysteresis on such rows is taken as Coulomb friction, and a finding says so. Training recordings do not change.
+    In such rows the state of the hysteresis is unknown, so it is replaced by the state after a long motion in the
+    same direction (Coulomb friction), and a finding says so. Training recordings do not change.
 
     Args:
         processed: Recordings.
@@ -137,9 +149,9 @@ def _without_memory(processed: ProcessedRecording, model: DynamicsModel) -> Proc
         "warning",
         "",
         f"The {sum(len(run.rows) for run in separate)} rows of {processed.choice.path} are not consecutive, so the "
-        f"state of {model.nodes[0].term!r} is unknown. The torque is predicted as if every joint had moved in its "
-        "present direction for long enough. Near reversals this is wrong, and the error is larger than that of the "
-        "model.",
+        f"state of the torque term {model.nodes[0].term!r} is unknown. The predicted torque is that after a long "
+        "motion of each joint in the same direction. Near reversals this is wrong, so the torque error on this "
+        "recording is larger than the error of the model.",
         "validate on a recording with consecutive rows.",
     )
     runs = tuple(run if run.consecutive else with_sliding_states(model, run) for run in runs)

@@ -73,7 +73,7 @@ def read_all(
 
 
 def scale_deviation(choices: Sequence[RecordingChoice], robot: Robot) -> Array:
-    """Relative standard deviation of the torque scale of each joint: the largest value that a recording states.
+    """Relative standard deviation of the torque scale of each joint: the largest value that any recording states.
 
     Args:
         choices: Recordings with their log formats.
@@ -95,7 +95,7 @@ def position_zero_deviation(choices: Sequence[RecordingChoice], robot: Robot) ->
         robot: The arm.
 
     Returns:
-        Standard deviations, shape (n,) [rad or m]. A recording that does not state them has the default.
+        Standard deviations, shape (n,) [rad or m]. For a recording that states none, the default is used.
     """
     given = [choice.reading.position_zero_deviation for choice in choices]
     default = default_zero_deviation(robot)

@@ -1,4 +1,4 @@
-"""Files of arrays, CSV or NPZ; the suffix decides."""
+"""Files that contain arrays; the suffix of the name, `.csv` or `.npz`, determines the format."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from armid.errors import ArmidError
 
 
 def is_archive(path: Path | str, what: str) -> bool:
-    """True for a name with the suffix `.npz`, false for `.csv`.
+    """True if the name of a file has the suffix `.npz`, false if it has the suffix `.csv`.
 
     Args:
         path: The file.
-        what: Content, as the subject of the error message.
+        what: Content of the file, as the subject of the error message, for instance "The torque".
 
     Raises:
         ArmidError: The name has another suffix.
@@ -35,19 +35,19 @@ def is_archive(path: Path | str, what: str) -> bool:
 
 
 def write_archive(path: Path | str, arrays: Mapping[str, Array]) -> Path:
-    """Writes arrays by their names as NPZ, completely or not at all."""
+    """Writes named arrays to an NPZ file, completely or not at all."""
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)  # pyright: ignore[reportArgumentType]
     return replace_file(Path(path), buffer.getvalue())
 
 
 def write_table(path: Path | str, columns: Mapping[str, Array], digits: int = 17) -> Path:
-    """Writes columns (N,) by their names as CSV with a header, completely or not at all.
+    """Writes named columns, each of shape (N,), to a CSV file with a header, completely or not at all.
 
     Args:
         path: The file.
-        columns: The columns.
-        digits: Significant digits; 17 give back the same number.
+        columns: The columns, by name.
+        digits: Number of significant digits; with 17, reading the file gives exactly the same numbers.
     """
     text, rows = io.StringIO(), np.column_stack(list(columns.values()))
     np.savetxt(text, rows, delimiter=",", header=",".join(columns), comments="", fmt=f"%.{digits}g")
@@ -55,5 +55,5 @@ def write_table(path: Path | str, columns: Mapping[str, Array], digits: int = 17
 
 
 def by_joint(name: str, values: Array) -> dict[str, Array]:
-    """Columns of values (N, n) of each joint, whose names end in the number of the joint, from 1."""
+    """Splits values (N, n) into a column (N,) for each joint, called `name` and the number of the joint, from 1."""
     return {f"{name}{j + 1}": values[:, j] for j in range(values.shape[1])}

@@ -14,7 +14,7 @@ from armid.errors import OutputError
 
 @contextmanager
 def whole_folder(folder: Path | str, marker: str, kind: str) -> Generator[Path]:
-    """Context manager with a draft folder, which replaces the target folder if the block ends without an error.
+    """Context manager that gives a draft folder, which replaces the target folder if the block ends without an error.
 
     Args:
         folder: Target folder. An existing folder with the file `marker` is replaced; any other folder is refused.

@@ -131,12 +131,12 @@ def certificate_record(fit: StandardFit | None) -> dict[str, Any] | None:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SelectionSummary:
-    """Result of a friction selection, without the models that were tried.
+    """Stored result of a friction selection; the models that were tried are not stored.
 
     Attributes:
-        evidence: Result of every friction law that was tried on a joint (candidate).
-        ratio: RMS error on held-out motion with the selected terms, divided by the RMS error without them, shape
-            (n,).
+        evidence: Result for every friction law that was tried on a joint (candidate).
+        ratio: For each joint, RMS error on held-out motion with the selected terms, divided by the RMS error without
+            them, shape (n,).
         deviation: Standard error of the ratio, shape (n,).
         prior_weight: Weight of the prior in independent samples; `None` if it was not determined.
         why: Reason why no candidate was tried, or why the prior has no weight; otherwise empty.
@@ -154,7 +154,7 @@ class SelectionSummary:
 
 
 def selection_summary(selection: FrictionSelection) -> SelectionSummary:
-    """Result of a friction selection without its models."""
+    """Converts the result of a friction selection to its stored form, without the models that were tried."""
     return SelectionSummary(
         selection.evidence, selection.ratio, selection.deviation, selection.prior_weight, selection.why
     )
@@ -217,7 +217,7 @@ def finding_record(finding: Finding) -> dict[str, Any]:
 
 
 def judgement_record(findings: Sequence[Finding]) -> dict[str, Any]:
-    """Findings for a run without validation recordings, with the verdict `fail` (with errors) or `not judged`."""
+    """Findings and verdict of a run without validation recordings: `fail` if there are errors, else `not judged`."""
     verdict = "fail" if contradictions(findings) else "not judged"
     return {"verdict": verdict, "warnings": [finding_record(finding) for finding in findings]}
 
@@ -249,7 +249,7 @@ def validation_record(validation: Validation) -> dict[str, Any]:
 
 
 def left_out_record(error: LeftOutError) -> dict[str, Any]:
-    """Torque error on left-out training data, and the error expected on another recording."""
+    """Record of the torque error on left-out training data, and of the torque error expected on another recording."""
     expected = error.expected
     return {
         "kind": error.kind,
