@@ -72,12 +72,17 @@ def test_the_torque_spreads_so_where_most_draws_lie_outside_the_cone(run: Run):
 
 def test_a_spread_that_the_cone_does_not_allow_is_stated(run: Run, tmp_path: Path):
     """Estimates with deviations of a hundred times are wider than the cone: the record says what was reached."""
-    draws = draw_arms(with_deviations(run, 100.0), centre_of(run), 2, seed=1)
+    uncertain = with_deviations(run, 100.0)
+    draws = draw_arms(uncertain, centre_of(run), 2, seed=1)
     assert draws.spread[0] < 0.9 or draws.spread[1] > 1.1
     assert 0.3 < draws.spread[0] and draws.spread[1] < 3.0  # not what passes that diverge would give
-    export_ensemble(run, "urdf", 2, tmp_path / "arms")
-    low, high = json.loads((tmp_path / "arms" / RECORD).read_text())["spread"]
-    assert 0.9 < low <= high < 1.1
+    for each, exported in ((run, tmp_path / "certain"), (uncertain, tmp_path / "uncertain")):
+        export_ensemble(each, "urdf", 2, exported, seed=1)
+    certain, stated = (
+        json.loads((tmp_path / name / RECORD).read_text())["spread"] for name in ("certain", "uncertain")
+    )
+    assert 0.9 < certain[0] <= certain[1] < 1.1
+    np.testing.assert_allclose(stated, draws.spread, rtol=0.05)  # the centre is the exported one
 
 
 def with_deviations(run: Run, factor: float) -> Run:
@@ -107,6 +112,20 @@ def test_the_torque_with_its_errors_spreads_as_the_prediction_interval_says(run:
     rows = run.model.regressor(motion)[:, :, run.estimate.base.kept]
     torque = rows @ draws.base.T + draws.torque_error.T
     half = torque_band(run.model, run.estimate, motion) / NORMAL
+    spread = np.sqrt(np.mean(np.var(torque, axis=2), axis=0) / np.mean(half**2, axis=0))
+    assert (np.abs(spread - 1.0) < SPREAD).all()
+
+
+def test_draws_spread_no_further_than_the_interval_where_left_out_errors_are_small(run: Run):
+    """Left-out errors of 0.4 times the expected ones narrow the interval, also that by the parameters alone."""
+    training = run.estimate.prediction
+    assert training is not None
+    small = replace(training, log_factor=np.log(0.4), log_deviation=0.1)
+    narrow = replace(run, estimate=replace(run.estimate, prediction=small))
+    motion = unlike_training(run)
+    draws = draw_arms(narrow, centre_of(run), DRAWS, seed=1, motion=motion)
+    torque = run.model.regressor(motion)[:, :, run.estimate.base.kept] @ draws.base.T + draws.torque_error.T
+    half = torque_band(narrow.model, narrow.estimate, motion) / NORMAL
     spread = np.sqrt(np.mean(np.var(torque, axis=2), axis=0) / np.mean(half**2, axis=0))
     assert (np.abs(spread - 1.0) < SPREAD).all()
 

@@ -65,12 +65,22 @@ def _parts(motion: Motion) -> Iterator[Observations]:
 def parameter_covariance(estimate: Estimate) -> Array:
     """Covariance (b, b) of the base parameters for the prediction of another recording.
 
-    It contains the uncertainty of the estimate, and the change of parameters between recordings if it is known.
+    It contains the uncertainty of the estimate, and the change of parameters between recordings if it is known. If
+    the errors on left-out recordings are smaller than expected, it is multiplied by the square of the factor, so that
+    the torque of drawn parameters spreads no further than the prediction interval.
 
     Args:
         estimate: The estimate.
     """
-    return np.sum(_covariances(estimate), axis=0)
+    return min(1.0, _factor(estimate)) ** 2 * np.sum(_covariances(estimate), axis=0)
+
+
+def _factor(estimate: Estimate) -> float:
+    """Standard deviation of the torque error on another recording, divided by the one expected without the factor."""
+    training = estimate.prediction
+    if training is None:
+        return 1.0
+    return float(np.exp(training.log_factor)) * scale_mixture_quantile(training.log_deviation) / NORMAL
 
 
 def _covariances(estimate: Estimate) -> list[Array]:
@@ -125,10 +135,11 @@ def torque_error_deviation(model: DynamicsModel, estimate: Estimate, motion: Mot
         raise EstimationError(
             "The error of the torque cannot be computed for a motion without samples.", remedy="give another motion."
         )
-    covariances, variance = _covariances(estimate), np.zeros(model.n)
+    covariance, variance = parameter_covariance(estimate), np.zeros(model.n)
     for part in _parts(motion):
         whole = (band_of_rows(model, estimate, part) / NORMAL) ** 2
-        variance += np.sum(whole - sum(_parameter_variances(model, estimate.base, covariances, part, 1)), axis=0)
+        (by_parameters,) = _parameter_variances(model, estimate.base, [covariance], part, 1)
+        variance += np.sum(whole - by_parameters, axis=0)
     return np.sqrt(np.maximum(variance / motion.samples, 0.0))
 
 
@@ -140,7 +151,7 @@ def _torque_error_deviation_in_training(estimate: Estimate) -> Array:
     share, change = training.parameter_variance, training.change
     by_change, by_offset = (change.variance, change.offset**2) if change.known else np.zeros((2, len(share)))
     whole = (_half_width(estimate, share, share + fit.noise**2 + by_change) / NORMAL) ** 2
-    by_parameters = share + np.maximum(by_change - by_offset, 0.0)
+    by_parameters = min(1.0, _factor(estimate)) ** 2 * (share + np.maximum(by_change - by_offset, 0.0))
     return np.sqrt(np.maximum(whole - by_parameters, 0.0))
 
 
@@ -152,14 +163,11 @@ def _half_width(estimate: Estimate, share: Array, variance: Array) -> Array:
         share: Variance of the torque by the uncertainty of the parameters, last axis n.
         variance: Variance of the torque error on another recording, before the lognormal factor, same shape.
     """
-    fit, training = estimate.fit, estimate.prediction
+    fit = estimate.fit
     explained = np.maximum(share + fit.noise**2, np.finfo(float).tiny)
     free = median(fit.freedom) * (explained / np.maximum(share, SMALLEST_SHARE * explained)) ** 2
-    factor = 1.0
-    if training is not None:
-        factor = np.exp(training.log_factor) * scale_mixture_quantile(training.log_deviation) / NORMAL
     size = np.sqrt(np.maximum(variance, np.finfo(float).tiny))
-    return np.asarray(factor * student_quantile(free) * size, dtype=np.float64)
+    return np.asarray(_factor(estimate) * student_quantile(free) * size, dtype=np.float64)
 
 
 def _covariance_of_means(base: BaseParameters, fit: Fit) -> Array:

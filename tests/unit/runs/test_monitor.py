@@ -21,7 +21,7 @@ from armid.model.motion import Motion
 from armid.runs.monitoring.live_monitor import LiveMonitor
 from armid.runs.monitoring.monitor import Monitor, make_monitor, watch
 from armid.runs.monitoring.monitor_record import monitor_record, monitor_table
-from armid.runs.monitoring.motion_comparison import reversal_count
+from armid.runs.monitoring.motion_comparison import MotionLevel, reversal_count, unlike_unseen_motion
 from armid.runs.monitoring.observer import (
     OBSERVERS,
     LowPassStage,
@@ -259,6 +259,15 @@ def test_motion_unlike_the_unseen_motion_is_reported(monitor: Monitor):
     record = monitor_record(monitor, [("fast.csv", watch(monitor, fast))])
     assert [each["code"] for each in record["recordings"][0]["findings"]] == ["unlike-unseen-motion"]
     assert not watch(monitor, slow).findings
+
+
+def test_a_short_unseen_motion_is_not_compared():
+    """Four pieces do not show how far pieces differ, twenty do."""
+    mean, deviation = np.ones((3, 2)), np.full((3, 2), 0.3)
+    faster = MotionLevel(2.0 * mean, deviation, 20)
+    for pieces, reported in ((1, False), (4, False), (20, True)):
+        unseen = MotionLevel(mean, deviation, pieces)
+        assert bool(unlike_unseen_motion(unseen, faster, ("a", "b"), "log.csv")) == reported
 
 
 def test_reversals_are_counted_without_those_of_the_noise():

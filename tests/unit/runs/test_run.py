@@ -349,6 +349,8 @@ def test_a_plan_for_joints_with_other_names_is_reported(saved: Path, tmp_path: P
     path.write_text(json.dumps(record | {"joints": ["shoulder", "elbow", "wrist"]}))
     _, (finding,) = motion_of(run, str(path), rate=40.0, reading={})
     assert finding.code == "plan-of-other-joints" and "shoulder, elbow, wrist" in finding.evidence
+    path.write_text(json.dumps(record | {"joints": None}))
+    assert motion_of(run, str(path), rate=40.0, reading={})[1] == ()
     path.write_text(json.dumps(record | {"joints": run.robot.joint_names}))
     assert motion_of(run, str(path), rate=40.0, reading={})[1] == ()
 

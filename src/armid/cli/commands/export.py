@@ -174,7 +174,7 @@ def _ensemble(
     from armid.export.ensemble.write import PARAMETERS, ensemble_record, export_ensemble
     from armid.runs.run import load_run
     from armid.runs.validation_and_prediction import motion_of
-    from armid.study.storage.records import to_json
+    from armid.study.storage.records import finding_record, to_json
 
     if to not in EXPORTERS:
         raise OutputError(
@@ -189,16 +189,19 @@ def _ensemble(
             loaded, to, count, out, seed=seed, description=description, motion=along, progress=told, **choices
         )
     if json:
-        sys.stdout.write(to_json(ensemble_record(loaded, made)) + "\n")
+        record = ensemble_record(loaded, made)
+        record["findings"] += [finding_record(finding) for finding in found]
+        sys.stdout.write(to_json(record) + "\n")
         return
     low, high = made.draws.spread
-    errors = ", ".join(f"{each:.3g}" for each in np.sqrt(np.mean(made.draws.torque_error**2, axis=0)))
+    sizes = np.sqrt(np.mean(made.draws.torque_error**2, axis=0))
+    errors = ", ".join(f"{x:.3g} {joint.effort_unit}" for x, joint in zip(sizes, loaded.robot.joints, strict=True))
     sys.stdout.write(
         f"{len(made.files)} possible arms written to {made.folder}, their parameters to {PARAMETERS} there\n"
         f"  {made.draws.replaced:.0%} of the draws were no real bodies; the nearest ones are written\n"
         f"  the base parameters spread {low:.2f} to {high:.2f} times as far as the estimate says\n"
-        f"  torque_error in {PARAMETERS} has an RMS of {errors} N·m on the joints; add that of a draw to the\n"
-        "  torques in the simulation, so that they spread as armid predict --band says\n"
+        f"  torque_error in {PARAMETERS} has an RMS of {errors} on the joints; add the\n"
+        "  torque_error of a draw to its torques in the simulation: then they spread as armid predict --band says\n"
     )
     print_findings([*found, *made.findings])
 

@@ -115,7 +115,7 @@ def _count_calls(xacro: Any) -> list[None]:
             )
         return plain(*arguments)
 
-    handle_macro_call.plain = plain
+    vars(handle_macro_call)["plain"] = plain
     xacro.handle_macro_call = handle_macro_call
     return calls
 

@@ -26,8 +26,13 @@ UNLIKE = 1.5
 On a simulated arm, motion with twice the reversals had 2.0 times the promised false alarms, motion with 1.6 times the
 speed 1.3 times, and motion with twice the speed and 1.5 times the reversals 4.3 times."""
 
-BY_CHANCE = 4.0
-"""Smallest difference of the means that is reported, in standard errors. There are three quantities of each joint."""
+BY_CHANCE, BY_FEW = 4.0, 4.0
+"""Smallest difference of the means that is reported, in standard errors, with many pieces of the unseen motion, and
+its relative increase times the degrees of freedom with few. Three quantities of each joint are compared, and the
+pieces of one motion resemble each other."""
+
+FEWEST = 4
+"""Smallest number of pieces of the unseen motion for a comparison: fewer do not show how far pieces differ."""
 
 SMALLEST_CHANGE = 1e-3
 """Bound to which a smaller torque change of a joint in the unseen motion is raised, relative to the largest one."""
@@ -94,7 +99,9 @@ def reversal_count(dq: Array) -> int:
 def unlike_unseen_motion(
     unseen: MotionLevel, level: MotionLevel, joints: Sequence[str], where: str
 ) -> tuple[Finding, ...]:
-    """Finding that a motion is faster or reverses more often than the unseen motion; empty if it does not.
+    """Finding that a motion is faster or reverses more often than the unseen motion.
+
+    The result is empty if it does not, or if the unseen motion is too short for a comparison.
 
     Args:
         unseen: Level of the unseen motion.
@@ -102,7 +109,11 @@ def unlike_unseen_motion(
         joints: Names of the joints.
         where: Name of the recording.
     """
-    error = unseen.deviation * np.sqrt(1.0 / unseen.pieces + 1.0 / level.pieces)
+    if unseen.pieces < FEWEST:
+        return ()
+    error = (
+        (1.0 + BY_FEW / (unseen.pieces - 1)) * unseen.deviation * np.sqrt(1.0 / unseen.pieces + 1.0 / level.pieces)
+    )
     clear = level.mean - unseen.mean > BY_CHANCE * error
     torque = max(SMALLEST_CHANGE * float(unseen.mean[1].max()), np.finfo(float).tiny)
     smallest = np.array([[REST_SPEED], [torque], [1.0 / (PIECE * unseen.pieces)]])
@@ -119,7 +130,7 @@ def unlike_unseen_motion(
             "unlike-unseen-motion",
             "warning",
             "",
-            f"{where} moves otherwise than the unseen motion from which the thresholds were computed: "
+            f"{where}: the motion differs from the unseen motion from which the thresholds were computed: "
             f"{', '.join(listed)}. More false alarms than promised must be expected.",
             "record motion of this kind without contact, and give it with --reference.",
         ),

@@ -77,11 +77,15 @@ def other_joints_of_plan(name: str, robot: Robot) -> tuple[Finding, ...]:
         name: Name of a built-in plan, or path of a `plan.json`, of the folder of a plan, or of a motion file.
         robot: The arm.
     """
-    path = Path(name) / PLAN_FILE if Path(name).is_dir() else Path(name)
-    if name in PLANS or path.suffix != Path(PLAN_FILE).suffix:
+    if name in PLANS:
         return ()
-    record: Any = json.loads(path.read_text(encoding="utf-8"))
-    joints = tuple(str(each) for each in record.get("joints", ()))
+    path = Path(name) / PLAN_FILE if Path(name).is_dir() else Path(name)
+    if path.suffix != Path(PLAN_FILE).suffix and path.name.startswith(f"{Path(PLAN_FILE).stem}."):
+        path = path.with_name(PLAN_FILE)  # a motion file of the plan beside it
+    if path.suffix != Path(PLAN_FILE).suffix:
+        return ()
+    found: Any = read_json(path, PLAN, remedy=REMEDY).get("joints") if path.is_file() else None
+    joints = tuple(str(each) for each in found) if isinstance(found, list) else ()
     if not joints or joints == robot.joint_names:
         return ()
     return (
