@@ -43,10 +43,12 @@ class RemedyTrial:
     Attributes:
         before: Error of the log as it is read.
         after: Error with the remedy.
+        independent: False if the correction was computed from all rows, so that the error with it is too small.
     """
 
     before: float
     after: float
+    independent: bool = True
 
     @property
     def helps(self) -> bool:
@@ -59,6 +61,8 @@ class RemedyTrial:
         return self.after > self.before + WORSE
 
     def __str__(self) -> str:
+        if not self.independent:
+            return "The correction was computed from all rows, so left-out motion is no test of it."
         if abs(self.after - self.before) <= WORTH:
             return f"The remedy does not change the error on left-out motion: {np.exp(self.after):.2%} of the torque."
         return (

@@ -7,7 +7,7 @@ the residual is therefore compared with that for such signs.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,7 +16,7 @@ from armid.checked_array import Array
 from armid.doctor.changes.alternatives import weights_by_axis
 from armid.doctor.check_input import Explanation
 from armid.doctor.fitted_log import LogState
-from armid.doctor.remedy_trial import HELPS, RemedyTrial, heldout_error
+from armid.doctor.remedy_trial import HELPS, try_remedy
 from armid.doctor.residuals.added_columns import AddedColumns
 
 STEP = 0.5
@@ -172,13 +172,14 @@ def explain(code: str, state: LogState) -> Explanation | None:
         "warning",
         "",
         f"A force on the last link explains what the model lacks: {np.sqrt(np.mean(size**2)):.3g} N (RMS), at most "
-        f"{size.max():.3g} N at t = {rows.motion.time[int(np.argmax(size))]:.1f} s. With it, the residual is "
-        f"{1 - np.exp(-gain):.0%} smaller than where some joints count with the opposite sign. The arm touched "
-        "something, or something pulled at it: a hand, a hose, a cable, or a load that moves.",
+        f"{size.max():.3g} N at t = {rows.motion.time[int(np.argmax(size))]:.1f} s. The residual with it is "
+        f"{1 - np.exp(-gain):.0%} smaller than if the residuals of some joints had the opposite sign, which measures "
+        "what chance would explain. The arm touched something, or something pulled at it: a hand, a hose, a cable, "
+        "or a load that moves.",
         lambda evidence: "remove what touches the arm or pulls at it, fix the tool, and record again",
         after,
         worse=HELPS,
-        trial=RemedyTrial(heldout_error(rows), heldout_error(after.rows)),
+        trial=replace(try_remedy(moving.rows, after.rows), independent=False),
     )
 
 

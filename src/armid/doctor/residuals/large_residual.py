@@ -66,7 +66,7 @@ SPEEDS = (0.1, 0.3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Cause:
+class ResidualCause:
     """Functions that the residual of a joint may follow.
 
     Attributes:
@@ -106,8 +106,7 @@ def findings(state: LogState, left_out: NDArray[np.bool_]) -> list[Finding]:
         text = f"{_size(state, j)} It follows {cause.text}. {trial}"
         found.append(Finding(cause.code, cause.severity, robot.joint_names[j], text, cause.remedy))
     if unknown:
-        why = "It follows" if len(unknown) == 1 else "They follow"
-        text = f"{' '.join(_size(state, j) for j in unknown)} {why} nothing that the doctor knows."
+        text = f"{' '.join(_size(state, j) for j in unknown)} No cause was found."
         remedy = "find out what differs between the log and the arm, in the joint, its sensors or the logger"
         found.append(Finding(CODE, "warning", ", ".join(robot.joint_names[j] for j in unknown), text, remedy))
     return found
@@ -130,8 +129,9 @@ def _size(state: LogState, j: int) -> str:
     joint, sigma, friction = state.model.robot.joints[j], float(state.fit.sigma[j]), float(_friction(state)[j])
     share = sigma / max(float(_deviation(state.rows)[j]), np.finfo(float).tiny)
     return (
-        f"The residual of {state.model.robot.joint_names[j]} is {sigma:.3g} {joint.effort_unit}, {share:.0%} of its "
-        f"torque, at a friction of {friction:.3g} {joint.effort_unit} (RMS); models of sound arms leave less."
+        f"The RMS residual of {state.model.robot.joint_names[j]} is {sigma:.3g} {joint.effort_unit}, {share:.0%} of "
+        f"the standard deviation of its torque, and the RMS friction of the model {friction:.3g} {joint.effort_unit}. On "
+        "sound arms the residual is smaller."
     )
 
 
@@ -159,8 +159,8 @@ def _friction(state: LogState) -> Array:
     return result
 
 
-def _best_cause(state: LogState, j: int) -> tuple[Cause, RemedyTrial] | None:
-    """Cause that explains most of the residual of joint j, with the test on left-out motion; `None` without one."""
+def _best_cause(state: LogState, j: int) -> tuple[ResidualCause, RemedyTrial] | None:
+    """ResidualCause that explains most of the residual of joint j, with the test on left-out motion; `None` without one."""
     added, rows = AddedColumns(state), state.rows
     chance = float(state.fit.autocorrelation[j]) / max(int(rows.mask[:, j].sum()), 1)
     score = [
@@ -178,7 +178,7 @@ def _best_cause(state: LogState, j: int) -> tuple[Cause, RemedyTrial] | None:
     return (best, trial) if trial.helps else None
 
 
-def _causes(state: LogState, j: int) -> Iterator[Cause]:
+def _causes(state: LogState, j: int) -> Iterator[ResidualCause]:
     """Everything that the residual of joint j is compared with."""
     rows, names = state.rows, state.model.robot.joint_names
     q, dq = rows.motion.q[:, j], rows.motion.dq[:, j]
@@ -192,27 +192,29 @@ def _causes(state: LogState, j: int) -> Iterator[Cause]:
         if k == j:
             continue
         other, of = rows.torque[:, k], f"the torque of {names[k]}"
-        yield Cause("cross-talk", "warning", of, WIRING, other[None])
-        yield Cause(
+        yield ResidualCause("cross-talk", "warning", of, WIRING, other[None])
+        yield ResidualCause(
             "cross-talk", "warning", f"{of}, with its angle", WIRING, other * np.stack([one, *turn[:2]]), MODULATED
         )
         both = np.vstack([other * time, torque * time])
-        yield Cause("changes-midway", "warning", f"{of} in a part of the log", PARTS, both, MODULATED)
-    yield Cause("residual-by-angle", "warning", "its angle", SPRING, angle)
-    yield Cause("residual-by-angle", "warning", "its angle, as friction", SPRING, sense * angle)
-    yield Cause("residual-by-angle", "warning", "its torque, with its angle", SENSOR, torque * turn)
+        yield ResidualCause("changes-midway", "warning", f"{of} in a part of the log", PARTS, both, MODULATED)
+    yield ResidualCause("residual-by-angle", "warning", "its angle", SPRING, angle)
+    yield ResidualCause("residual-by-angle", "warning", "its angle, as friction", SPRING, sense * angle)
+    yield ResidualCause("residual-by-angle", "warning", "its torque, with its angle", SENSOR, torque * turn)
     laws = np.stack([dq * np.abs(dq), np.sign(dq) * np.sqrt(np.abs(dq)), np.abs(dq), np.abs(sense), *(sense * slow)])
-    yield Cause("friction-missing", "warning", "its velocity", FRICTION, laws)
-    yield Cause("friction-missing", "warning", "its torque, as friction", FRICTION, (sense * np.abs(torque))[None])
+    yield ResidualCause("friction-missing", "warning", "its velocity", FRICTION, laws)
+    yield ResidualCause(
+        "friction-missing", "warning", "its torque, as friction", FRICTION, (sense * np.abs(torque))[None]
+    )
     deviation = max(float(torque.std()), np.finfo(float).tiny)
     amounts = np.stack([np.abs(torque), np.tanh(10.0 * torque / deviation), torque * np.abs(torque), torque])
-    yield Cause("torque-gain", "warning", "the amount of its torque", SENSOR, amounts)
-    yield Cause("torque-gain", "warning", "its torque, with its speed", SENSOR, torque * slow)
-    yield Cause("changes-midway", "warning", "the time, as an offset", PARTS, time)
-    yield Cause("changes-midway", "warning", "its torque, with the time", PARTS, torque * time)
-    yield Cause("changes-midway", "warning", "its friction, with the time", PARTS, sense * time)
+    yield ResidualCause("torque-gain", "warning", "the amount of its torque", SENSOR, amounts)
+    yield ResidualCause("torque-gain", "warning", "its torque, with its speed", SENSOR, torque * slow)
+    yield ResidualCause("changes-midway", "warning", "the time, as an offset", PARTS, time)
+    yield ResidualCause("changes-midway", "warning", "its torque, with the time", PARTS, torque * time)
+    yield ResidualCause("changes-midway", "warning", "its friction, with the time", PARTS, sense * time)
     late = [np.gradient(torque) * rows.rate, *(_lagged(torque, rows, seconds) for seconds in LAGS)]
-    yield Cause("joint-delay", "warning", "its torque at earlier times", LATE, np.stack(late))
+    yield ResidualCause("joint-delay", "warning", "its torque at earlier times", LATE, np.stack(late))
 
 
 def _knots(x: Array, count: int) -> Array:
