@@ -130,8 +130,8 @@ def _size(state: LogState, j: int) -> str:
     share = sigma / max(float(_deviation(state.rows)[j]), np.finfo(float).tiny)
     return (
         f"The RMS residual of {state.model.robot.joint_names[j]} is {sigma:.3g} {joint.effort_unit}, {share:.0%} of "
-        f"the standard deviation of its torque, and the RMS friction of the model {friction:.3g} {joint.effort_unit}. On "
-        "sound arms the residual is smaller."
+        f"the standard deviation of its torque, and the RMS friction of the model {friction:.3g} {joint.effort_unit}. "
+        "On sound arms the residual is smaller."
     )
 
 
@@ -160,7 +160,7 @@ def _friction(state: LogState) -> Array:
 
 
 def _best_cause(state: LogState, j: int) -> tuple[ResidualCause, RemedyTrial] | None:
-    """ResidualCause that explains most of the residual of joint j, with the test on left-out motion; `None` without one."""
+    """Cause that explains most of the residual of joint j, with the test on left-out motion; `None` without one."""
     added, rows = AddedColumns(state), state.rows
     chance = float(state.fit.autocorrelation[j]) / max(int(rows.mask[:, j].sum()), 1)
     score = [
