@@ -127,10 +127,11 @@ def large_residuals(state: LogState) -> NDArray[np.bool_]:
 def _size(state: LogState, j: int) -> str:
     """Sentence on the size of the residual of joint j."""
     joint, sigma, friction = state.model.robot.joints[j], float(state.fit.sigma[j]), float(_friction(state)[j])
+    unit = joint.effort_unit
     share = sigma / max(float(_deviation(state.rows)[j]), np.finfo(float).tiny)
     return (
-        f"The RMS residual of {state.model.robot.joint_names[j]} is {sigma:.3g} {joint.effort_unit}, {share:.0%} of "
-        f"the standard deviation of its torque, and the RMS friction of the model {friction:.3g} {joint.effort_unit}. "
+        f"The RMS residual of {state.model.robot.joint_names[j]} is {sigma:.3g} {unit}, {share:.0%} of "
+        f"the standard deviation of its torque, and the RMS friction of the model {friction:.3g} {unit}. "
         "On sound arms the residual is smaller."
     )
 
