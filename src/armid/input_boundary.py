@@ -53,9 +53,9 @@ LIMITS: Mapping[str, SizeLimit] = MappingProxyType(
         "nesting": SizeLimit(150, "levels of nested elements"),
     }
 )
-"""Limits by name. The largest descriptions of robots known have about 100 joints, 300 links and 60 levels, in 2 MB.
-Recordings of arms have up to 4 million samples (an hour at 1 kHz), compressed ones unpack to at most 15 times their
-size, and a uniform grid has at most 2.5 samples for each recorded one, because longer steps are gaps."""
+"""Limits by name. In 1600 published descriptions, a file has at most 220 joints, 214 links, 41 levels and 0.2 MB. An
+hour of recording at 1 kHz has 3.6 million samples. On a uniform grid, a recording has at most a few times as many
+samples as recorded, because longer steps count as gaps."""
 
 ALWAYS_UNPACKED = 64e6
 """Number of bytes to which every file may unpack, because small files may be very regular."""

@@ -191,10 +191,18 @@ def load_run(folder: Path | str) -> Run:
     _check_archives(folder, kept)
     robot, estimate = load(Robot, folder / "robot.npz"), load(Estimate, folder / "estimate.npz")
     with boundary(RUN, folder, remedy="identify again."):
+        model = _model(robot, kept)
+        if len(estimate.base.standard_names) != len(model.parameters):
+            raise ArmidError(
+                f"{folder / 'estimate.npz'} is not the estimate of this run: its model has "
+                f"{len(estimate.base.standard_names)} standard parameters, and that of model.json "
+                f"{len(model.parameters)}.",
+                remedy="restore the folder from a copy, or identify again.",
+            )
         return Run(
             str(folder),
             robot,
-            _model(robot, kept),
+            model,
             estimate,
             ProcessingOptions(**kept["processing"]),
             LogFormat(**kept["reading"]),

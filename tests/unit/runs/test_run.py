@@ -67,6 +67,20 @@ def test_a_run_survives_its_folder(result: Result, tmp_path: Path):
     np.testing.assert_array_equal(predict(run, motion), predict(load_run(folder), motion))
 
 
+def test_the_estimate_of_another_run_is_refused(result: Result, folder: Path, tmp_path: Path):
+    """Also in a run of an earlier version, which has no digests of its archives."""
+    other = identify(replace(load_study(folder / "study.toml"), model=ModelChoice(("rigid-body", "viscous"))))
+    mixed, source = save_run(result, tmp_path / "mixed"), save_run(other, tmp_path / "other")
+    (mixed / "estimate.npz").write_bytes((source / "estimate.npz").read_bytes())
+    with pytest.raises(ArmidError, match="was changed or damaged"):
+        load_run(mixed)
+    kept = json.loads((mixed / "model.json").read_text())
+    del kept["sha256"]
+    (mixed / "model.json").write_text(json.dumps(kept))
+    with pytest.raises(ArmidError, match="is not the estimate of this run"):
+        load_run(mixed)
+
+
 def test_the_kept_study_is_the_resolved_one(result: Result, tmp_path: Path):
     kept = json.loads((save_run(result, tmp_path / "run") / "study.json").read_text())
     assert kept["model"]["terms"] == ["rigid-body", "viscous", "coulomb", "offset"]

@@ -23,7 +23,7 @@ from armid.robot.xml import parse_xml, root_tag
 
 MOST_CALLS = 5000
 """Largest number of calls of macros. Macros that call others twice would double the description again and again; the
-largest descriptions known have some hundreds."""
+limit of links is 5000, too."""
 
 
 def recognises(text: str) -> bool:
