@@ -20,6 +20,7 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from armid.cli import main as cli
+from armid.input_boundary import parsed_limits
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -99,7 +100,11 @@ def understood(command: str) -> None:
     """Parse a command of armid without running it; an unknown command, option or a missing argument is an error."""
     words = shlex.split(command.removesuffix(FAILS))
     group = get_command(cli.app)
-    assert isinstance(group, TyperGroup) and words[1] in group.commands, f"no such command: {command}"
+    assert isinstance(group, TyperGroup)
+    while words[1] == "--allow":  # the option of all commands stands before the name of the command
+        parsed_limits(words[2])
+        del words[1:3]
+    assert words[1] in group.commands, f"no such command: {command}"
     arguments = cli._repeat_option("--validate", cli._join_numbers(words[2:]))  # as `main` does before it parses
     group.commands[words[1]].make_context(words[1], arguments)
 

@@ -277,7 +277,7 @@ def test_loads_that_are_not_written(tmp_path: Path):
     with pytest.raises(OutputError, match="six numbers"):
         read_load(stored(masses, points, path), "0,0,1")
     path.write_text('{"mass": 3}')
-    with pytest.raises(OutputError, match="not a payload"):
+    with pytest.raises(OutputError, match="cannot be read as a payload of this version of armid"):
         read_load(path)
-    with pytest.raises(OutputError, match="not a payload"):
+    with pytest.raises(OutputError, match="cannot be read as a payload"):
         read_load(tmp_path / "none")
