@@ -84,4 +84,50 @@ struct Samples {
   const std::uint8_t* mask;  // (N, n), or null where every row counts
 };
 
+// Laws of torque that the state of one coordinate gives, as programs on a stack.
+enum LawOperation {
+  LAW_NUMBER, LAW_POSITION, LAW_VELOCITY, LAW_ADD, LAW_MULTIPLY, LAW_POWER, LAW_SIGN, LAW_TANH, LAW_ABSOLUTE,
+  LAW_EXPONENTIAL, LAW_SINE, LAW_COSINE, LAW_LARGER, LAW_SMALLER, LAW_OPERATIONS
+};
+constexpr int LAW_DEPTH = 16;  // numbers on the stack
+
+struct Laws {
+  int count;
+  const std::int32_t* first;      // operations of each law, count + 1
+  const std::int32_t* operation;  // a LawOperation
+  const double* constant;         // of LAW_NUMBER, and the exponent of LAW_POWER
+  const std::int32_t* link;       // joints of each law's coordinate, count + 1 limits
+  const std::int32_t* joint;
+  const double* weight;           // of each of these joints
+  const double* value;            // parameter of each law
+};
+
+// A servo that holds each joint to a command, with what its joint has beside links.
+struct Servos {
+  const double *stiffness, *damping;  // torque for a unit of position error, and of velocity
+  const double* limit;                // largest torque
+  const double* armature;
+  Laws laws;
+  double step;                        // of the integration
+  double steep;                       // velocity up to which a joint sticks
+};
+
+// Commands between the N + 1 states of each window, row-major (N, n): the mean over a step.
+struct Commands {
+  const double* position;
+  const double* torque;  // added to that of the position error
+};
+
+// Parameters by which a roll-out is differentiated: columns 0 ... count - 1, or -1 where not wanted.
+struct RolloutParameters {
+  int count;
+  Layout links;                   // the wanted inertial parameters; every joint's last column is not used
+  const std::int32_t* parameter;  // of each column of the layout
+  const std::int32_t *law, *armature, *stiffness, *damping;
+  // Inputs: what adds to the servo's torque for a unit of a parameter, (inputs, N).
+  int inputs;
+  const std::int32_t *input_joint, *input_parameter;
+  const double* input;
+};
+
 }  // namespace armid

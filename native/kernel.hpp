@@ -33,6 +33,13 @@ struct Kernel {
                               const double* slopes, double* q, double* dq, double* ddq, double* terms);
   // Parameters (count,) and the RMS residual of each joint (n,).
   void (*reweighted)(const JointProducts&, const Reweighting&, double* x, double* sigma);
+  // States (windows, N + 1, n), the first of each window given; the number of steps that did not settle.
+  std::ptrdiff_t (*roll_out)(const Arm&, const double* inertial, const Servos&, const Commands&, std::ptrdiff_t windows,
+                             std::ptrdiff_t N, double* q, double* dq);
+  // Derivatives (N / every, n, count) of the positions of one window by parameters, from those of its first state.
+  void (*roll_out_sensitivities)(const Arm&, const double* inertial, const Servos&, const RolloutParameters&,
+                                 const Commands&, std::ptrdiff_t N, const double* q, const double* dq,
+                                 const double* S_q, const double* S_dq, std::ptrdiff_t every, double* out);
 };
 
 // Linked where the build makes them; the bindings ask only for those.

@@ -25,10 +25,15 @@ from armid.kernel.dispatch import (
 from armid.kernel.information_gradient import columns_adjoint, information, information_adjoint
 from armid.kernel.joint_column_layout import ColumnLayout, make_layout
 from armid.kernel.reweighted_solver import reweighted_least_squares
+from armid.kernel.rollout import RollOutParameters, roll_out, roll_out_sensitivities
+from armid.kernel.servo_joints import LawPrograms, ServoJoints
 from armid.kernel.tree import Tree
 
 __all__ = [
     "ColumnLayout",
+    "LawPrograms",
+    "RollOutParameters",
+    "ServoJoints",
     "Tree",
     "columns",
     "columns_adjoint",
@@ -48,5 +53,7 @@ __all__ = [
     "potential_energy",
     "regressor",
     "reweighted_least_squares",
+    "roll_out",
+    "roll_out_sensitivities",
     "unpack_factors",
 ]

@@ -13,6 +13,64 @@ class Tape:
     def operations() -> list[str]: ...
     def run(self, out: _A, /, *inputs: _A) -> int: ...
 
+class ServoArrays:
+    def __init__(
+        self,
+        gains: _A,
+        first: _A,
+        operation: _A,
+        constant: _A,
+        link: _A,
+        joint: _A,
+        weight: _A,
+        value: _A,
+    ) -> None: ...
+
+class ParameterArrays:
+    def __init__(
+        self,
+        count: int,
+        offset: _A,
+        target: _A,
+        parameter: _A,
+        law: _A,
+        joint: _A,
+        input_joint: _A,
+        input_parameter: _A,
+        input: _A,
+    ) -> None: ...
+
+def roll_out(
+    isa: str,
+    arm: Arm,
+    inertial: _A,
+    servos: ServoArrays,
+    step: float,
+    steep: float,
+    position: _A,
+    torque: _A,
+    q: _A,
+    dq: _A,
+    /,
+) -> int: ...
+def roll_out_sensitivities(
+    isa: str,
+    arm: Arm,
+    inertial: _A,
+    servos: ServoArrays,
+    step: float,
+    steep: float,
+    parameters: ParameterArrays,
+    position: _A,
+    torque: _A,
+    q: _A,
+    dq: _A,
+    start_q: _A,
+    start_dq: _A,
+    every: int,
+    out: _A,
+    /,
+) -> None: ...
 def instruction_sets() -> list[str]: ...
 def regressor(isa: str, arm: Arm, q: _A, dq: _A, ddq: _A, out: _A, /) -> None: ...
 def columns(
