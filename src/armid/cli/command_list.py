@@ -15,6 +15,7 @@ from armid.cli.commands.payload import payload
 from armid.cli.commands.predict import predict
 from armid.cli.commands.recalibrate import recalibrate
 from armid.cli.commands.report import report
+from armid.cli.commands.servo import servo
 from armid.cli.commands.thesis import thesis
 from armid.cli.commands.track import track
 from armid.cli.commands.validate import validate
@@ -28,6 +29,7 @@ COMMANDS: tuple[Callable[..., None], ...] = (
     excite,
     simulate,
     identify,
+    servo,
     doctor,
     validate,
     predict,

@@ -11,18 +11,33 @@ from armid.robot.xml import numbers
 
 
 @dataclass(frozen=True, slots=True)
+class DescribedServo:
+    """Position servo of a joint in the description: torque K (c - q) - D q̇ for the command c.
+
+    Attributes:
+        stiffness: K [N·m/rad or N/m].
+        damping: D [N·m·s/rad or N·s/m].
+    """
+
+    stiffness: float
+    damping: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class DescribedDrive:
-    """Rotor inertia and friction of a joint in the description; zero if it contains none.
+    """Rotor inertia, friction and servo of a joint in the description; zero if it contains none.
 
     Attributes:
         rotor_inertia: Inertia of rotor and transmission, referred to the joint [kg·m² or kg].
         viscous: Friction per velocity [N·m·s/rad or N·s/m].
         coulomb: Friction of constant size against the motion [N·m or N].
+        servo: Position servo; `None` if the description has none.
     """
 
     rotor_inertia: float = 0.0
     viscous: float = 0.0
     coulomb: float = 0.0
+    servo: DescribedServo | None = None
 
 
 def drive_of(element: ET.Element, keys: Mapping[str, str], source: str, where: str) -> DescribedDrive:

@@ -1,8 +1,8 @@
 """Study: the inputs and options of an identification, as a file `study.toml` contains them.
 
-A `study.toml` has the tables `[robot]`, `[model]`, `[[recording]]`, `[processing]` and `[estimation]`. Its keys are
-the fields of the dataclasses in this module, of `LogFormat` and of `ProcessingOptions`. An unknown key is an error
-that lists the known keys. Paths are relative to the folder of the study.
+A `study.toml` has the tables `[robot]`, `[model]`, `[[recording]]`, `[processing]`, `[estimation]` and `[servo]`. Its
+keys are the fields of the dataclasses in this module, of `LogFormat`, `ProcessingOptions` and `ServoChoice`. An
+unknown key is an error that lists the known keys. Paths are relative to the folder of the study.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import DEFAULT_TERMS, TERMS, RotorInertia, Term
 from armid.notebook_display import Displayed, Summary
 from armid.robot import Robot, builtin_arms, load_robot
+from armid.study.servos.choice import ServoChoice
 from armid.study.study_overview import study_summary
 
 T = TypeVar("T")
@@ -154,6 +155,7 @@ class Study(Displayed):
         processing: Processing options.
         estimation: Estimation options.
         folder: Folder to which paths are relative.
+        servo: Options of the servos, for recordings of commands without torque.
     """
 
     robot: RobotChoice
@@ -162,6 +164,7 @@ class Study(Displayed):
     processing: ProcessingOptions = field(default_factory=ProcessingOptions)
     estimation: EstimationChoice = field(default_factory=EstimationChoice)
     folder: str = "."
+    servo: ServoChoice = field(default_factory=ServoChoice)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "recordings", tuple(self.recordings))
@@ -199,7 +202,7 @@ def parse_study(table: Mapping[str, Any], folder: str = ".") -> Study:
     Raises:
         StudyError: A key is unknown or missing, or keys contradict each other.
     """
-    _known(table, ("robot", "model", "recording", "processing", "estimation"), "The study")
+    _known(table, ("robot", "model", "recording", "processing", "estimation", "servo"), "The study")
     if "robot" not in table:
         raise StudyError("The study has no table [robot].", remedy='add [robot] with description = "…".')
     recordings = table.get("recording", [])
@@ -216,6 +219,7 @@ def parse_study(table: Mapping[str, Any], folder: str = ".") -> Study:
         _make(ProcessingOptions, table.get("processing", {}), "[processing]"),
         _estimation_choice(table.get("estimation", {}), default_estimation(model).method),
         folder,
+        _make(ServoChoice, table.get("servo", {}), "[servo]"),
     )
 
 

@@ -24,6 +24,7 @@ from armid.robot.mjcf.geom_inertia import heavy_geoms, inertia_of_geoms, is_soli
 from armid.robot.mjcf.joints import check_equalities, joints_of
 from armid.robot.mjcf.mesh_assets import MeshAssets, mesh_assets
 from armid.robot.mjcf.mesh_reading import UncomputableError
+from armid.robot.mjcf.position_servos import with_position_servos
 from armid.robot.mjcf.settings import ORIENTATIONS, Settings, settings_of
 from armid.robot.mjcf.stated_inertia import inertial_of, plain_inertial, stated_inertia
 from armid.robot.mjcf.unmodelled import ignored_parts, ignored_settings
@@ -184,6 +185,7 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float], *, fo
         limits[name], finding = limits_of(name, position=position, velocity=0.0, effort=effort, turns=turns)
         if finding is not None:
             writer.findings.append(finding)
+    drives = with_position_servos(drives, root, settings)
     geoms, sites = (tuple(each for each in writer.placed if each[1].tag == tag) for tag in ("geom", "site"))
     return Plain(
         plain,

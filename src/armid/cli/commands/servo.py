@@ -1,0 +1,151 @@
+"""`armid servo`: servos, friction and links from commands and measured positions, for arms without torque."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from armid.cli.commands.identify import HeldOut, Inputs
+from armid.cli.log_format_options import Columns, Rate, TimeUnit, Units, given
+from armid.cli.options import Gravity, Json, Lock, Only, Out, Package, TipLink, robot_choice, run_folder
+
+if TYPE_CHECKING:
+    from armid.study.config import Study
+    from armid.study.servos.identification import ServoResult
+
+Gains = Annotated[
+    str | None,
+    typer.Option(
+        metavar="K[,K…]",
+        help="Known stiffness of the servos, N·m/rad: one value, or one for each joint; estimated if not given.",
+    ),
+]
+Damping = Annotated[
+    str | None,
+    typer.Option(
+        metavar="D[,D…]",
+        help="Known damping of the servos, N·m·s/rad; part of the viscous friction if not given.",
+    ),
+]
+MODEL = "model.xml"
+
+
+def servo(
+    inputs: Inputs,
+    validate: HeldOut = None,
+    gravity: Gravity = None,
+    lock: Lock = None,
+    only: Only = None,
+    tip: TipLink = None,
+    package: Package = None,
+    stiffness: Gains = None,
+    damping: Damping = None,
+    rate: Rate = None,
+    units: Units = None,
+    columns: Columns = None,
+    time_unit: TimeUnit = None,
+    out: Out = None,
+    json: Json = False,
+) -> None:
+    """Identify servos, friction and links of an arm from commands and measured positions, without any torque.
+
+    The result is a closed loop: gains, delays and offsets of the servos, friction, rotor inertias and links. It is
+    judged by the position error of the simulated arm under the recorded commands.
+
+    Examples:
+        armid servo so101.xml chirp.parquet sweep.parquet --validate other.parquet
+
+        armid servo go2.xml stand.csv --lock base --stiffness 20 --damping 1.5
+    """
+    from armid.cli.console import print_findings, progress
+    from armid.cli.servo_result import print_servo_result
+    from armid.study.servos.identification import identify_servo_study
+    from armid.study.servos.record import servo_record
+    from armid.study.storage.records import to_json
+
+    reading = given(columns, rate, None, units, time_unit, None, None)
+    study = _study(inputs, validate or [], reading, (gravity, lock, only, tip, package), stiffness, damping)
+    folder = run_folder(out, "servo") if out is None else out
+    _refuse(folder)
+    with progress(quiet=json) as tell:
+        result = identify_servo_study(study, progress=tell)
+    _save(result, folder)
+    if json:
+        sys.stdout.write(to_json({**servo_record(result), "run": str(folder)}) + "\n")
+    else:
+        print_servo_result(result)
+        sys.stdout.write(f"result written to {folder}: servo.json, and {MODEL} with actuators\n")
+    print_findings(list(result.findings))
+    if result.score is not None and result.score.model.total >= result.score.command.total:
+        raise typer.Exit(1)
+
+
+def _study(
+    inputs: list[str],
+    validate: list[str],
+    reading: dict[str, Any],
+    arm: tuple[Any, ...],
+    stiffness: str | None,
+    damping: str | None,
+) -> Study:
+    """Study in a file, or a new one of the arm and the recordings; options of the servos replace those of a file."""
+    from dataclasses import replace
+
+    from armid.errors import StudyError
+    from armid.measurement.log_format import LogFormat
+    from armid.study.config import ModelChoice, RecordingChoice, Study, load_study
+
+    gains = {"stiffness": _numbers(stiffness, "--stiffness"), "damping": _numbers(damping, "--damping")}
+    gains = {key: value for key, value in gains.items() if value is not None}
+    if len(inputs) == 1:
+        if not inputs[0].endswith(".toml"):
+            raise StudyError(
+                f"{inputs[0]} is an arm and not a study, but no recordings are given.",
+                remedy="give a study.toml, or an arm followed by its recordings.",
+            )
+        study = load_study(inputs[0])
+        extra = tuple(
+            RecordingChoice(str(Path(path).absolute()), "validate", study.recordings[0].reading) for path in validate
+        )
+        return replace(study, recordings=(*study.recordings, *extra), servo=replace(study.servo, **gains))
+    log_format = LogFormat(**reading)
+    recordings = tuple(RecordingChoice(path, reading=log_format) for path in inputs[1:])
+    recordings += tuple(RecordingChoice(path, "validate", log_format) for path in validate)
+    study = Study(robot_choice(inputs[0], *arm), ModelChoice(), recordings)
+    return replace(study, servo=replace(study.servo, **gains))
+
+
+def _numbers(text: str | None, option: str) -> tuple[float, ...] | None:
+    """Numbers of an option, separated by commas; `None` if the option is not given."""
+    from armid.errors import StudyError
+
+    if text is None:
+        return None
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise StudyError(
+            f"{option} {text} is not a list of numbers.", remedy=f"write for instance {option} 20,20,15."
+        ) from None
+
+
+def _refuse(folder: Path) -> None:
+    """Raises an error, before any work is done, if the folder must not be replaced."""
+    from armid.study.storage.atomic_folder import refuse
+
+    refuse(folder, "servo.json", "result of armid servo")
+
+
+def _save(result: ServoResult, folder: Path) -> None:
+    """Write the folder: the record, and an MJCF with actuators."""
+    from armid.export.servo_mjcf import servo_mjcf
+    from armid.study.servos.record import servo_record
+    from armid.study.storage.atomic_folder import whole_folder
+    from armid.study.storage.records import to_json
+
+    with whole_folder(folder, "servo.json", "result of armid servo") as draft:
+        (draft / "servo.json").write_text(to_json(servo_record(result)) + "\n", encoding="utf-8")
+        (draft / MODEL).write_bytes(servo_mjcf(result.estimate.model, result.estimate.parameters))

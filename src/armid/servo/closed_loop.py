@@ -1,0 +1,133 @@
+"""Simulated motion of an arm under recorded commands, and its derivatives by the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armid import kernel
+from armid.checked_array import Array
+from armid.kernel import RollOutParameters, make_layout
+from armid.servo.held_command import held_means
+from armid.servo.parameters import ServoModel, ServoParameters
+from armid.servo.servo_run import ServoRun
+
+LONGEST_STEP = 1e-3
+"""Longest step of the integration [s]. Steps of half this length change the motion of the hobby arm SO-101 by less
+than 0.1 mrad."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Simulated:
+    """Simulated motion of one run.
+
+    Attributes:
+        q: Positions at the samples of the run, shape (N, n) [rad or m].
+        jacobian: Derivatives of the positions at the samples after the first by the columns of `columns_of`, shape
+            (N - 1, n, columns); `None` if they were not asked for.
+        unsettled: Number of steps at which the iteration for the velocity did not converge.
+    """
+
+    q: Array
+    jacobian: Array | None
+    unsettled: int
+
+
+def columns_of(model: ServoModel) -> dict[str, slice]:
+    """Columns of the derivatives, by the field of `ServoParameters` whose values they belong to."""
+    sizes = {"inertial": 10 * model.n, "friction": len(model.laws)}
+    sizes |= dict.fromkeys(("rotor_inertia", "stiffness", "damping", "offset", "delay"), model.n)
+    ends = np.cumsum(list(sizes.values()))
+    return {name: slice(int(end) - size, int(end)) for (name, size), end in zip(sizes.items(), ends, strict=True)}
+
+
+def simulate(
+    model: ServoModel, parameters: ServoParameters, runs: Sequence[ServoRun], *, derivatives: bool = False
+) -> tuple[Simulated, ...]:
+    """Simulates the motion of each run from its first position, under its commands.
+
+    Runs with the same step are simulated side by side.
+
+    Args:
+        model: Arm and friction laws.
+        parameters: Links, friction and servos.
+        runs: Commands and the initial state.
+        derivatives: True if the derivatives by all parameters are computed, too.
+    """
+    found: dict[int, Simulated] = {}
+    for each in _side_by_side(runs):
+        substeps = max(1, int(np.ceil(runs[each[0]].step / LONGEST_STEP)))
+        step = runs[each[0]].step / substeps
+        held = [
+            held_means(run.command_time, run.command, parameters.delay, run.start, step, (run.samples - 1) * substeps)
+            for run in (runs[k] for k in each)
+        ]
+        longest = max(len(means) for means, _ in held)
+        commands = np.stack([_padded(means - parameters.offset, longest) for means, _ in held])
+        starts = np.stack([runs[k].q[0] for k in each]), np.stack([runs[k].dq for k in each])
+        servos = model.joints(parameters, step)
+        q, dq, unsettled = kernel.roll_out(model.robot.tree, parameters.inertial, servos, commands, None, *starts)
+        for k, (means, slopes), of_q, of_dq in zip(each, held, q, dq, strict=True):
+            states = slice(0, len(means) + 1)
+            jacobian = None
+            if derivatives:
+                state = of_q[states], of_dq[states]
+                jacobian = _jacobian(model, parameters, means, slopes, *state, step, substeps)
+            found[k] = Simulated(of_q[states][::substeps], jacobian, unsettled)
+    return tuple(found[k] for k in range(len(runs)))
+
+
+def _side_by_side(runs: Sequence[ServoRun]) -> list[list[int]]:
+    """Numbers of the runs with equal steps, one list for each step."""
+    groups: dict[float, list[int]] = {}
+    for k, run in enumerate(runs):
+        groups.setdefault(run.step, []).append(k)
+    return list(groups.values())
+
+
+def _padded(commands: Array, steps: int) -> Array:
+    """Commands (S, n) with the last one repeated up to a number of steps."""
+    return np.concatenate([commands, np.repeat(commands[-1:], steps - len(commands), axis=0)])
+
+
+def _jacobian(
+    model: ServoModel,
+    parameters: ServoParameters,
+    means: Array,
+    slopes: Array,
+    q: Array,
+    dq: Array,
+    step: float,
+    substeps: int,
+) -> Array:
+    """Derivatives of the positions of one run, shape (N - 1, n, columns)."""
+    n, columns = model.n, columns_of(model)
+    layout = make_layout(model.robot.tree, np.arange(10 * n), np.zeros(0, dtype=int), np.zeros(0, dtype=int))
+
+    def numbers(name: str) -> Array:
+        return np.arange(columns[name].start, columns[name].stop)
+
+    wanted = RollOutParameters(
+        columns["delay"].stop,
+        layout,
+        numbers("friction"),
+        np.stack([numbers("rotor_inertia"), numbers("stiffness"), numbers("damping")]),
+        np.tile(np.arange(n), 2),
+        np.concatenate([numbers("offset"), numbers("delay")]),
+    )
+    by_offset = np.tile(-parameters.stiffness[:, None], (1, len(means)))
+    inputs = np.concatenate([by_offset, parameters.stiffness[:, None] * slopes.T])
+    return kernel.roll_out_sensitivities(
+        model.robot.tree,
+        parameters.inertial,
+        model.joints(parameters, step),
+        wanted,
+        means - parameters.offset,
+        None,
+        inputs,
+        q,
+        dq,
+        substeps,
+    )

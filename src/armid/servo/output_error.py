@@ -1,0 +1,185 @@
+"""Output error of a servo model: Gauss-Newton on the difference of measured and simulated positions, under a prior.
+
+The objective is Σ_j w_j Σ_k (q_jk - q̂_jk(x))² + Σ_i (x_i / s_i)² with the prior deviations s of the unknowns. The
+weight of joint j is w_j = 1 / (σ_j² T_j), with the mean square σ_j² of its residuals and their correlation time T_j
+in samples: N correlated samples say as much as N / T independent ones. Without T, a prior would hardly count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armid.checked_array import Array
+from armid.servo.closed_loop import simulate
+from armid.servo.parameters import ServoParameters
+from armid.servo.servo_run import ServoRun
+from armid.servo.unknowns import Unknowns
+
+MOST_STEPS = 30
+"""Largest number of Gauss-Newton steps."""
+
+SETTLED = 0.02
+"""Decrease of the objective below which the search ends: a step of one standard deviation changes it by 1."""
+
+DAMPING = (1e-2, 1e8)
+"""First damping, relative to the diagonal of the information, and the damping at which the search gives up."""
+
+FEWER, MORE = 0.2, 5.0
+"""Factors of the damping after a step that succeeded, and after one that failed."""
+
+TRANSIENT = 1.0
+"""Time at the beginning of a run whose residuals are not used [s]. The simulation starts from a measured position with
+an error of the encoder and from an uncertain velocity; a servo forgets both within a second. With these residuals, 45
+to 85 % of the 95 % intervals of virtual arms with encoders of 12 bit held the truth; without them, 90 to 100 %."""
+
+NOISE = 1e-5
+"""Smallest deviation of the residuals of a joint [rad or m], far below the step of any encoder."""
+
+FARTHEST = 2.0
+"""Largest change of an unknown in one step, in prior deviations."""
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class OutputErrorFit:
+    """Minimum of the output error.
+
+    Attributes:
+        x: Unknowns, shape (count,).
+        parameters: Parameters at x.
+        covariance: Covariance of x by prior and residuals, shape (count, count).
+        information: Share of the information about each unknown that comes from the data, shape (count,).
+        rms: RMS of the residuals of each joint, shape (n,) [rad or m].
+        correlation: Correlation time of the residuals of each joint, shape (n,) [samples].
+        steps: Number of steps.
+        settled: True if the search ended by itself.
+        unsettled: Number of integration steps that did not converge at the minimum.
+    """
+
+    x: Array
+    parameters: ServoParameters
+    covariance: Array
+    information: Array
+    rms: Array
+    correlation: Array
+    steps: int
+    settled: bool
+    unsettled: int
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Point:
+    """Residuals (N - 1, n) of each run, their derivatives (N - 1, n, count), and open integration steps."""
+
+    residuals: tuple[Array, ...]
+    slopes: tuple[Array, ...]
+    unsettled: int
+
+
+def minimise_output_error(
+    unknowns: Unknowns, runs: Sequence[ServoRun], *, start: Array | None = None, progress: Progress | None = None
+) -> OutputErrorFit:
+    """Estimates the unknowns from recorded runs.
+
+    Args:
+        unknowns: Unknowns with their prior.
+        runs: Training runs.
+        start: Unknowns at which the search starts; the prior mean if not given.
+        progress: Function that is called with the share of the steps that are done.
+    """
+    x = np.zeros(unknowns.count) if start is None else start
+    point = _evaluate(unknowns, x, runs)
+    weight, rms, correlation = _weights(point.residuals)
+    damping, settled, step = DAMPING[0], False, 0
+    for step in range(1, MOST_STEPS + 1):
+        information, slope = _normal_equations(unknowns, point, weight, x)
+        cost = _cost(unknowns, point, weight, x)
+        found = None
+        while found is None and damping < DAMPING[1]:
+            change = np.linalg.solve(information + damping * np.diag(np.diag(information)), slope)
+            change *= min(1.0, FARTHEST / max(float(np.abs(change / unknowns.deviation).max(initial=0.0)), 1e-300))
+            trial = _evaluate(unknowns, x + change, runs)
+            lower = _cost(unknowns, trial, weight, x + change)
+            found = trial if lower < cost else None
+            damping *= FEWER if found is not None else MORE
+            if found is not None:
+                x, point, settled = x + change, trial, cost - lower < SETTLED
+        damping = max(damping, 1e-9)
+        if found is None:
+            settled = True  # no direction goes down any more
+            break
+        weight, rms, correlation = _weights(point.residuals)
+        if progress is not None:
+            progress(step / MOST_STEPS)
+        if settled:
+            break
+    information, _ = _normal_equations(unknowns, point, weight, x)
+    covariance = np.linalg.inv(information)
+    return OutputErrorFit(
+        x,
+        unknowns.parameters(x),
+        0.5 * (covariance + covariance.T),
+        1.0 - np.clip(np.diag(covariance) / unknowns.deviation**2, 0.0, 1.0),
+        rms,
+        correlation,
+        step,
+        settled,
+        point.unsettled,
+    )
+
+
+def _evaluate(unknowns: Unknowns, x: Array, runs: Sequence[ServoRun]) -> _Point:
+    found = simulate(unknowns.model, unknowns.parameters(x), runs, derivatives=True)
+    residuals, slopes = [], []
+    for run, simulated in zip(runs, found, strict=True):
+        assert simulated.jacobian is not None
+        first = min(round(TRANSIENT / run.step), run.samples // 2)
+        residuals.append((run.q[1:] - simulated.q[1:])[first:])
+        slopes.append(unknowns.chained(simulated.jacobian[first:], x))
+    return _Point(tuple(residuals), tuple(slopes), sum(each.unsettled for each in found))
+
+
+def _cost(unknowns: Unknowns, point: _Point, weight: Array, x: Array) -> float:
+    with np.errstate(all="ignore"):
+        misfit = sum(float(weight @ np.sum(r * r, axis=0)) for r in point.residuals)
+    return misfit + float(np.sum((x / unknowns.deviation) ** 2)) if np.isfinite(misfit) else np.inf
+
+
+def _normal_equations(unknowns: Unknowns, point: _Point, weight: Array, x: Array) -> tuple[Array, Array]:
+    """Information (count, count) of data and prior, and half the downward gradient of the objective."""
+    information = np.diag(unknowns.deviation**-2)
+    slope = -x * unknowns.deviation**-2
+    for residual, slopes in zip(point.residuals, point.slopes, strict=True):
+        scaled = (slopes * np.sqrt(weight)[:, None]).reshape(-1, unknowns.count)
+        information += scaled.T @ scaled
+        slope += scaled.T @ (residual * np.sqrt(weight)).ravel()
+    return information, slope
+
+
+def _weights(residuals: Sequence[Array]) -> tuple[Array, Array, Array]:
+    """Weight of each joint, RMS of its residuals and their correlation time [samples], shape (n,) each."""
+    every = np.concatenate(residuals)
+    rms = np.maximum(np.sqrt(np.mean(every**2, axis=0)), NOISE)
+    samples = np.array([len(r) for r in residuals], dtype=np.float64)
+    correlation = np.array([correlation_times(r) for r in residuals])
+    mean = samples @ correlation / samples.sum()
+    return 1.0 / (rms**2 * mean), rms, mean
+
+
+def correlation_times(x: Array) -> Array:
+    """Correlation time of each column of x (N, n) in samples: 1 + 2 Σ ρ(k) up to the first ρ(k) below zero.
+
+    A constant that a column keeps is part of its correlation; the time is at most N.
+    """
+    size = len(x)
+    spectrum = np.abs(np.fft.rfft(x, 2 * size, axis=0)) ** 2
+    covariances = np.fft.irfft(spectrum, axis=0)[:size]
+    rho = covariances / np.maximum(covariances[0], 1e-300)
+    negative = rho < 0.0
+    end = np.where(negative.any(axis=0), negative.argmax(axis=0), size)
+    inside = np.arange(size)[:, None] < end
+    return np.clip(2.0 * np.sum(rho * inside, axis=0) - 1.0, 1.0, size)

@@ -1,0 +1,122 @@
+"""Identification of the servos of a study, and their validation on held-out motion."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from armid.errors import Finding
+from armid.measurement.recording import Recording
+from armid.model.terms import TERMS
+from armid.robot import Robot
+from armid.servo.estimate_table import EstimatedValue, estimated_values
+from armid.servo.identify_servo import ServoEstimate, identify_servo
+from armid.servo.parameters import described_parameters, make_servo_model
+from armid.servo.score import ClosedLoopError, closed_loop_error, command_error
+from armid.servo.servo_run import ServoRun, servo_runs
+from armid.study.config import Study, load_choice
+from armid.study.progress import Progress, no_progress
+from armid.study.recordings.reading import read_all
+from armid.study.servos.choice import servo_options
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ServoScore:
+    """Closed-loop errors on the validation runs.
+
+    Attributes:
+        model: Error of the identified arm.
+        command: Error of an arm whose joints are where their commands are.
+        described: Error of the description as it stands, with its own servos; `None` if it has none.
+    """
+
+    model: ClosedLoopError
+    command: ClosedLoopError
+    described: ClosedLoopError | None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ServoResult:
+    """Result of the identification of servos.
+
+    Attributes:
+        study: The study.
+        robot: The arm.
+        estimate: The estimate.
+        values: Gains, friction, rotor inertias, offsets and delays with intervals.
+        training: Training runs.
+        validation: Validation runs.
+        score: Errors on the validation runs; `None` without such runs.
+        findings: Findings about description, recordings and estimate.
+        seconds: Duration of the identification [s].
+    """
+
+    study: Study
+    robot: Robot
+    estimate: ServoEstimate
+    values: tuple[EstimatedValue, ...]
+    training: tuple[ServoRun, ...]
+    validation: tuple[ServoRun, ...]
+    score: ServoScore | None
+    findings: tuple[Finding, ...]
+    seconds: float
+
+
+def identify_servo_study(
+    study: Study, *, given: Mapping[str, Recording] | None = None, progress: Progress | None = None
+) -> ServoResult:
+    """Identifies servos, friction and links of a study whose recordings have commands.
+
+    Args:
+        study: The study; its table `[servo]` states what is known of the servos.
+        given: Recordings that are in memory already, by their path in the study.
+        progress: Function that is called with the name of each stage and the share of the stage that is done.
+
+    Raises:
+        ArmidError: An input is wrong; the message names the input and the fault.
+    """
+    began = time.perf_counter()
+    tell = progress or no_progress
+    tell("robot", 0.0)
+    robot = load_choice(study.robot, study.folder)
+    options = servo_options(study.servo, robot)
+    model = make_servo_model(robot, [TERMS[name]() for name in study.servo.terms])
+    recordings, read_findings = read_all(study, robot, given, tell)
+    parts = {
+        role: tuple(run for choice, recording in recordings if choice.role == role for run in servo_runs(recording))
+        for role in ("train", "validate")
+    }
+    estimate = identify_servo(model, parts["train"], options, tell)
+    tell("validation", 0.0)
+    score = None
+    if parts["validate"]:
+        described = described_parameters(model)
+        score = ServoScore(
+            closed_loop_error(model, estimate.parameters, parts["validate"]),
+            command_error(parts["validate"]),
+            None if described is None else closed_loop_error(model, described, parts["validate"]),
+        )
+    values = tuple(estimated_values(estimate, list(parts["train"])))
+    findings = (*robot.findings, *(each for found in read_findings for each in found), *estimate_findings(estimate))
+    seconds = time.perf_counter() - began
+    return ServoResult(study, robot, estimate, values, parts["train"], parts["validate"], score, findings, seconds)
+
+
+def estimate_findings(estimate: ServoEstimate) -> list[Finding]:
+    """Findings about the search, and about the integration of the motion."""
+    found: list[Finding] = []
+    refined, first = (each.total for each in estimate.left_out)
+    if not estimate.refined:
+        what = (
+            f"on parts of the recordings that were left out, the estimate by the output error has an error of "
+            f"{1e3 * refined:.3g} mrad and the first estimate one of {1e3 * first:.3g} mrad; the first one was kept"
+        )
+        found.append(Finding("servo-not-refined", "warning", "", what, "record motion that moves every joint more"))
+    if not estimate.fit.settled:
+        what = f"the search for the smallest output error did not converge in {estimate.fit.steps} steps"
+        found.append(Finding("not-converged", "warning", "", what, "check the commands with `armid doctor`"))
+    if estimate.fit.unsettled:
+        what = f"{estimate.fit.unsettled} integration steps did not converge"
+        found.append(Finding("integration-unsettled", "warning", "", what, "check the limits of the torque"))
+    return found

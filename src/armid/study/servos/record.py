@@ -1,0 +1,71 @@
+"""Result of an identification of servos as a JSON object with stable keys."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from armid.servo.parameters import ServoParameters
+from armid.servo.score import ClosedLoopError
+from armid.study.servos.identification import ServoResult
+from armid.study.storage.records import finding_record, study_record
+
+SERVO_FORMAT = 1
+"""Number of the format of `servo.json`."""
+
+PARAMETERS = ("inertial", "rotor_inertia", "friction", "stiffness", "damping", "limit", "offset", "delay")
+"""Fields of `ServoParameters` in a record."""
+
+
+def servo_record(result: ServoResult) -> dict[str, Any]:
+    """Values with intervals, closed-loop errors, parameters and inputs of an identification of servos."""
+    estimate, joints = result.estimate, result.robot.joint_names
+    values = [
+        {
+            "kind": each.kind,
+            "joint": joints[each.joint],
+            "value": each.value,
+            "low": each.low,
+            "high": each.high,
+            "information": each.information,
+            "origin": each.origin,
+            "reason": each.reason,
+        }
+        for each in result.values
+    ]
+    score = result.score
+    return {
+        "format": SERVO_FORMAT,
+        "robot": result.robot.name,
+        "joints": list(joints),
+        "values": values,
+        "parameters": {name: getattr(estimate.parameters, name) for name in PARAMETERS},
+        "laws": [{"symbol": law.symbol, "joint": joints[law.joint], "unit": law.unit} for law in estimate.model.laws],
+        "refined": estimate.refined,
+        "left_out": {"refined": error_record(estimate.left_out[0]), "first": error_record(estimate.left_out[1])},
+        "training": error_record(estimate.training),
+        "validation": None
+        if score is None
+        else {
+            "model": error_record(score.model),
+            "command": error_record(score.command),
+            "described": None if score.described is None else error_record(score.described),
+        },
+        "noise": {"rms": estimate.fit.rms, "correlation_samples": estimate.fit.correlation},
+        "seconds": result.seconds,
+        "warnings": [finding_record(each) for each in result.findings],
+        "study": study_record(result.study),
+    }
+
+
+def error_record(error: ClosedLoopError) -> dict[str, Any]:
+    """Closed-loop error: of each joint, of each run, and over all [rad or m]."""
+    return {"joints": error.joints, "runs": error.runs, "total": error.total}
+
+
+def parameters_of_record(record: dict[str, Any]) -> ServoParameters:
+    """Parameters in a record that `servo_record` made; a limit that is null is infinite."""
+    values = {name: np.array(record["parameters"][name], dtype=np.float64) for name in PARAMETERS}
+    values["limit"] = np.where(np.isnan(values["limit"]), np.inf, values["limit"])
+    return ServoParameters(**values)
