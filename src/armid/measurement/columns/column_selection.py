@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
@@ -17,24 +16,15 @@ from armid.errors import Finding, RecordingError
 from armid.measurement.columns.clocks import Values, evenly_growing, unit_of_step
 from armid.measurement.columns.column_guessing import ClockRequest, Guess, guess_columns
 from armid.measurement.columns.joint_name_comparison import missing_joints, other_arm, refuse_other_joints
-from armid.measurement.columns.missing_channels import joints_of_channels, uneven_channels, with_joints
+from armid.measurement.columns.missing_channels import joints_of_channels, uneven_channels
+from armid.measurement.columns.stated_columns import refuse_two_efforts, stated_columns
 from armid.measurement.columns.units import factors, hold_current, overruled, stated_units, unit_fields
-from armid.measurement.columns.unread import ambiguous_columns, effort_possible, no_such_column, positions_missing
-from armid.measurement.log_format import PRESETS, QUANTITIES, LogFormat
+from armid.measurement.columns.unread import ambiguous_columns, effort_possible, positions_missing
+from armid.measurement.log_format import QUANTITIES, LogFormat
 from armid.measurement.recording import Recording
 from armid.measurement.remedy_builders import lines, naming
-from armid.remedy import Remedy, setting
+from armid.remedy import Remedy
 from armid.robot.robot import Robot
-
-DEFAULTS: Mapping[str, tuple[str, ...]] = {
-    "time": ("t", "time", "timestamp"),
-    "q": ("q{}", "q"),
-    "dq": ("dq{}", "qd{}", "dq", "qd"),
-    "ddq": ("ddq{}", "qdd{}", "ddq", "qdd"),
-    "effort": ("tau{}", "effort{}", "torque{}", "tau", "effort", "torque", "i{}"),
-}
-"""Column names that are tried, in this order, for a quantity without names in the log format; `{}` is replaced by the
-numbers 1, 2, …."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +80,7 @@ def select(
             several sets of columns may contain positions. The message lists the columns.
     """
     present = dict.fromkeys(names)
-    chosen = _stated(present, log_format, path, robot)
+    chosen = stated_columns(present, log_format, path, robot)
     guess = Guess({})
     if log_format.preset is None and (
         open_ := [name for name in QUANTITIES if not chosen[name] and name not in log_format.columns]
@@ -107,7 +97,7 @@ def select(
             clocks = evenly_growing(list(present), set(chain.from_iterable(chosen.values())), values)
         raise positions_missing(present, chosen, log_format, path, robot, labels, clocks=clocks)
     if log_format.drive_gain is not None and "effort" not in log_format.columns and log_format.preset is None:
-        _refuse_two_efforts(chosen["effort"], present, path)
+        refuse_two_efforts(chosen["effort"], present, path)
     guessed = _as_fields(guess, log_format, robot) | unit_fields(chosen, log_format)
     contradicted = overruled(chosen, log_format)
     doubt = "" if robot is None or guess.joints else other_arm(guess.columns.get("q", ()), labels, robot.name)
@@ -122,30 +112,6 @@ def select(
         raise uneven_channels(chosen, len(chosen["q"]), len(chosen["effort"]), path, log_format, joints)
     findings += effort_possible(list(present), chosen, log_format, labels, joints)
     return Selection(**chosen, guessed=guessed, findings=findings)
-
-
-def _stated(
-    present: Mapping[str, Any], log_format: LogFormat, path: Path, robot: Robot | None
-) -> dict[str, tuple[str, ...]]:
-    """Columns of each quantity by the names in the log format, the names of its preset, or the usual names."""
-    chosen: dict[str, tuple[str, ...]] = {}
-    for quantity in QUANTITIES:
-        if quantity in log_format.columns:
-            patterns = tuple(log_format.columns[quantity])
-            chosen[quantity] = _named(patterns, present, quantity, path) if patterns else ()
-        elif log_format.preset is not None:
-            patterns = PRESETS[log_format.preset].columns.get(quantity, ())
-            needed = patterns and quantity in ("time", "q")
-            chosen[quantity] = (
-                _named(patterns, present, quantity, path)
-                if needed
-                else tuple(chain.from_iterable(_expand(pattern, present, path) for pattern in patterns))
-            )
-        else:
-            joints = () if robot is None or robot.held or log_format.joints else robot.joint_names
-            found = (_expand(pattern, present, path, joints, usual=True) for pattern in DEFAULTS[quantity])
-            chosen[quantity] = next((columns for columns in found if columns), ())
-    return chosen
 
 
 def assemble(
@@ -319,63 +285,6 @@ def numeric(values: NDArray[Any], name: str, path: Path) -> Array:
             remedy="save a matrix with one row for each sample and one column for each joint.",
         )
     return values.astype(np.float64)
-
-
-def _named(patterns: tuple[str, ...], present: Mapping[str, Any], quantity: str, path: Path) -> tuple[str, ...]:
-    """Names of the columns that a single pattern or a list of names selects; all of them must exist in the file."""
-    if len(patterns) == 1:
-        found = _expand(patterns[0], present, path)
-        if not found:
-            raise no_such_column(f"No column is called {patterns[0]!r}", present, quantity, path)
-        return found
-    missing = [name for name in patterns if name not in present]
-    if missing:
-        raise no_such_column(f"No column is called {', '.join(map(repr, missing))}", present, quantity, path)
-    return patterns
-
-
-def _expand(
-    pattern: str, present: Mapping[str, Any], path: Path, joints: Sequence[str] = (), *, usual: bool = False
-) -> tuple[str, ...]:
-    """Columns that match a pattern, in the order of their numbers.
-
-    The numbers start at 1 for `{}` and at 0 for `{0}`; usual names from 0 do not match and are guessed later.
-    """
-    for braces, first in (("{}", 1), ("{0}", 0)):
-        if braces not in pattern:
-            continue
-        before, after = pattern.split(braces, 1)
-        form = re.compile(re.escape(before) + r"(\d+)" + re.escape(after))
-        numbered = {int(hit[1]): name for name in present if (hit := form.fullmatch(name))}
-        if not numbered:
-            return ()
-        if usual and sorted(numbered) == list(range(len(numbered))):
-            return ()  # guessed instead, with a finding
-        expected = range(first, first + len(numbered))
-        if sorted(numbered) != list(expected):
-            found = ", ".join(numbered[i] for i in sorted(numbered))
-            gaps = {i - first: f"{before}{i}{after}" for i in range(first, max(numbered)) if i not in numbered}
-            missing = f"; missing: {with_joints(gaps, joints)}" if len(gaps) < len(numbered) else ""
-            raise RecordingError(
-                f"{path}: the numbers of the columns {pattern!r} must start at {first} and have no gap; found "
-                f"{found}{missing}.",
-                possible="in a pattern, {} counts from 1 and {0} from 0; a list may contain any names",
-                remedy="log the missing columns, too; or list the names of the columns under the key `columns`, and "
-                "lock joints that were not recorded.",
-            )
-        return tuple(numbered[i] for i in expected)
-    return (pattern,) if pattern in present else ()
-
-
-def _refuse_two_efforts(effort: tuple[str, ...], present: Mapping[str, Any], path: Path) -> None:
-    """Raises an error if drive gains are given and the file has both torque and current columns."""
-    current = _expand("i{}", present, path)
-    if effort and current and effort != current:
-        raise RecordingError(
-            f"{path} has the columns {effort[0]} … and {current[0]} …, and it is not clear to which of them "
-            "`drive_gain` applies.",
-            remedy=Remedy("name the effort columns, for instance ", setting("columns", {"effort": "i{}"}), "."),
-        )
 
 
 def _matrix(names: tuple[str, ...], column: Callable[[str], NDArray[Any]], path: Path) -> NDArray[Any]:
