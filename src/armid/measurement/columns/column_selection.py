@@ -1,9 +1,9 @@
-"""Selection of the columns of a file that contain time, position, velocity, acceleration and effort."""
+"""Selection of the columns of a file that contain time, position, velocity, acceleration, effort and command."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
 from armid.measurement.columns.clocks import Values, evenly_growing, unit_of_step
-from armid.measurement.columns.column_guessing import ClockRequest, Guess, guess_columns
+from armid.measurement.columns.column_guessing import ClockRequest, Guess, are_numbers, guess_columns, shortened
 from armid.measurement.columns.joint_name_comparison import missing_joints, other_arm, refuse_other_joints
 from armid.measurement.columns.missing_channels import joints_of_channels, uneven_channels
 from armid.measurement.columns.stated_columns import refuse_two_efforts, stated_columns
@@ -37,6 +37,7 @@ class Selection:
         dq: Names of the velocity columns, as for `q`; empty if there are none.
         ddq: Names of the acceleration columns, as for `q`; empty if there are none.
         effort: Names of the effort columns, as for `q`; empty if there are none.
+        command: Names of the columns of commanded positions, as for `q`; empty if there are none.
         guessed: Fields of the log format that were guessed from the names of the columns.
         findings: Findings about the guesses.
     """
@@ -46,13 +47,14 @@ class Selection:
     dq: tuple[str, ...]
     ddq: tuple[str, ...]
     effort: tuple[str, ...]
+    command: tuple[str, ...] = ()
     guessed: Mapping[str, Any] = field(default_factory=dict[str, Any])
     findings: tuple[Finding, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all chosen columns, without duplicates."""
-        return tuple(dict.fromkeys((*self.time, *self.q, *self.dq, *self.ddq, *self.effort)))
+        return tuple(dict.fromkeys((*self.time, *self.q, *self.dq, *self.ddq, *self.effort, *self.command)))
 
 
 def select(
@@ -87,6 +89,7 @@ def select(
     ):
         guess = _guess(present, open_, chosen, log_format, robot, path, matrices=matrices, values=values)
         chosen |= guess.columns
+    chosen["command"] = _command(chosen, guess, log_format, path, values)
     labels = _labels(log_format, robot)[0]
     if robot is not None and not guess.joints and (not chosen["q"] or "q" in guess.columns):
         incomplete = None if chosen["q"] else missing_joints(names, robot, labels, path)
@@ -110,6 +113,7 @@ def select(
     joints = joints_of_channels(len(chosen["q"]), log_format, robot)
     if len(chosen["q"]) > 1 and len(chosen["effort"]) > 1 and len(chosen["q"]) != len(chosen["effort"]):
         raise uneven_channels(chosen, len(chosen["q"]), len(chosen["effort"]), path, log_format, joints)
+    findings += _undecided(guess, log_format)
     findings += effort_possible(list(present), chosen, log_format, labels, joints)
     return Selection(**chosen, guessed=guessed, findings=findings)
 
@@ -130,7 +134,7 @@ def assemble(
         path: Path of the file.
         joint_names: Names of the channels in the file; empty if it has none.
     """
-    quantities = (*selection.q, *selection.dq, *selection.ddq, *selection.effort)
+    quantities = (*selection.q, *selection.dq, *selection.ddq, *selection.effort, *selection.command)
     names_hold = "units" not in overruled({"q": selection.q, "time": selection.time}, log_format)
     scale = factors(quantities, selection.guessed.get("units", log_format.units), angles=names_hold)
 
@@ -142,12 +146,18 @@ def assemble(
     if effort is not None and effort.ndim == q.ndim == 2 and effort.shape[1] != q.shape[1]:
         chosen = {name: found for name in QUANTITIES if (found := getattr(selection, name))}
         raise uneven_channels(chosen, q.shape[1], effort.shape[1], path, log_format)
+    command = _matrix(selection.command, scaled, path) if selection.command else None
+    if command is not None and command.ndim == q.ndim == 2 and command.shape[1] != q.shape[1]:
+        if "command" in log_format.columns:
+            raise _uneven_command(q.shape[1], command.shape[1], path)
+        command, selection = None, replace(selection, command=())  # another quantity of that name
     return Recording(
         time=_time(selection.time, column, selection.guessed.get("time_unit", log_format.clock_unit)),
         q=q,
         dq=_matrix(selection.dq, scaled, path) if selection.dq else None,
         ddq=_matrix(selection.ddq, scaled, path) if selection.ddq else None,
         effort=effort,
+        command=command,
         joint_names=tuple(joint_names),
         rate=log_format.rate,
         consecutive=log_format.consecutive,
@@ -157,6 +167,48 @@ def assemble(
         findings=selection.findings,
         source=str(path),
     )
+
+
+def _command(
+    chosen: Mapping[str, tuple[str, ...]], guess: Guess, log_format: LogFormat, path: Path, values: Values | None
+) -> tuple[str, ...]:
+    """Columns of the command beside the chosen positions; empty if columns with usual names cannot be the command.
+
+    They must be numbers, one column for each column of measured positions, or one matrix; the positions must not be
+    commanded positions, which are used if none were measured.
+
+    Raises:
+        RecordingError: The log format names a number of columns that is not that of the positions.
+    """
+    columns, q = chosen["command"], chosen["q"]
+    even = len(columns) in (1, len(q)) or len(q) == 1
+    if not columns or "command" in guess.columns:
+        return columns
+    if "command" in log_format.columns:
+        if q and not even:
+            raise _uneven_command(len(q), len(columns), path)
+        return columns
+    fits = even and columns != q and "q" not in guess.commanded
+    return columns if fits and (values is None or are_numbers(columns, values)) else ()
+
+
+def _uneven_command(q: int, command: int, path: Path) -> RecordingError:
+    """Error for positions and a command with different numbers of channels."""
+    return RecordingError(
+        f"{path} has {q} channels of positions (q), but {command} of the command.",
+        remedy="name the same number of columns for `q` and `command` in `columns`, and lock the joints that were "
+        "not recorded; or leave the command out with an empty name.",
+    )
+
+
+def _undecided(guess: Guess, log_format: LogFormat) -> tuple[Finding, ...]:
+    """Finding about several sets of columns that may contain the commanded position."""
+    if not guess.undecided:
+        return ()
+    sets = "; ".join(shortened(columns) for columns in guess.undecided)
+    evidence = f"Several sets of columns may hold the commanded position: {sets}. None of them is used."
+    remedy = naming(log_format, {"command": guess.undecided[0]}, "if it is the position that the drive was given")
+    return (Finding("command-possible", "info", "command", evidence, remedy),)
 
 
 def _guess(

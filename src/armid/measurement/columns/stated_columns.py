@@ -21,6 +21,7 @@ DEFAULTS: Mapping[str, tuple[str, ...]] = {
     "dq": ("dq{}", "qd{}", "dq", "qd"),
     "ddq": ("ddq{}", "qdd{}", "ddq", "qdd"),
     "effort": ("tau{}", "effort{}", "torque{}", "tau", "effort", "torque", "i{}"),
+    "command": ("command{}", "cmd{}", "q_cmd{}", "action{}", "command", "cmd", "q_cmd", "action"),
 }
 """Column names that are tried, in this order, for a quantity without names in the log format; `{}` is replaced by the
 numbers 1, 2, …."""
