@@ -25,7 +25,7 @@ MORE_ATTRIBUTES = {
     "DesignConstraints": 13,  # each field is a limit that a design may have
     "LogFormat": 20,  # each field is a key of `[[recording]]` in a study
     "PhysicallyConsistent": 12,  # each field is an option of the method in a study
-    "Recording": 16,  # what a log may hold: five quantities, how far they can be trusted, what its reader noticed
+    "Recording": 17,  # what a log may hold: six quantities, how far they can be trusted, what its reader noticed
     "Robot": 11,  # what a description says of an arm
 }
 """Classes past the budget, with their number of attributes."""

@@ -24,8 +24,8 @@ Columns = Annotated[
     typer.Option(
         "--columns",
         metavar="QUANTITY=NAME",
-        help="Columns of time, q, dq, ddq or effort: a name, a pattern such as q=pos{} with {} for the numbers "
-        "1, 2, …, or names separated by commas; names that contain commas are put in double quotes: "
+        help="Columns of time, q, dq, ddq, effort or command: a name, a pattern such as q=pos{} with {} for the "
+        "numbers 1, 2, …, or names separated by commas; names that contain commas are put in double quotes: "
         'q="pos,1","pos,2"; repeatable.',
     ),
 ]

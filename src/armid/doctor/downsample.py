@@ -132,7 +132,7 @@ def downsample(recording: Recording, cutoff: float | None = None) -> Downsampled
     """
     if recording.consecutive is False:
         few = slice(None, None, max(1, recording.samples // SEPARATE))
-        values = {name: getattr(recording, name) for name in ("q", "dq", "ddq", "effort", "valid")}
+        values = {name: getattr(recording, name) for name in ("q", "dq", "ddq", "effort", "command", "valid")}
         thinned = {name: None if x is None else x[few] for name, x in values.items()}
         whole = replace(recording, time=None, rate=1.0, number=None, **thinned)
         segment = cut_at_gaps(whole, None)[0][0]

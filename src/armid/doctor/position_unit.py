@@ -132,8 +132,13 @@ def _as_degrees(evidence: LogEvidence) -> LogEvidence | None:
     def scaled(values: Array | None) -> Array | None:
         return None if values is None else values * unit
 
-    q = (recording.q - offset) * unit + offset
-    again = replace(recording, q=q, dq=scaled(recording.dq), ddq=scaled(recording.ddq))
+    def moved(positions: Array) -> Array:
+        return (positions - offset) * unit + offset
+
+    command = None if recording.command is None else moved(recording.command)
+    again = replace(
+        recording, q=moved(recording.q), dq=scaled(recording.dq), ddq=scaled(recording.ddq), command=command
+    )
     return replace(evidence, recording=again, reading=replace(reading, units="deg"))
 
 

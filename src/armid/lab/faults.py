@@ -47,7 +47,7 @@ def spoil(recording: Recording, faults: Sequence[Fault], seed: int) -> Recording
     rng = np.random.default_rng(seed)
     for fault in faults:
         recording = fault.apply(recording, rng)
-    parts = [x for x in (recording.q, recording.dq, recording.effort) if x is not None]
+    parts = [x for x in (recording.q, recording.dq, recording.effort, recording.command) if x is not None]
     return replace(recording, sha256=digest(*parts))
 
 
@@ -273,9 +273,9 @@ class Degrees:
     name: ClassVar[str] = "degrees"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """Recording with positions, velocities and accelerations in degrees."""
+        """Recording with positions, velocities, accelerations and commands in degrees."""
         del rng
-        present = {name: getattr(recording, name) for name in ("q", "dq", "ddq")}
+        present = {name: getattr(recording, name) for name in ("q", "dq", "ddq", "command")}
         return replace(recording, **{name: np.rad2deg(x) for name, x in present.items() if x is not None})
 
 

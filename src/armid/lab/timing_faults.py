@@ -12,7 +12,7 @@ from armid.checked_array import Array
 from armid.errors import LabError
 from armid.measurement.recording import Recording
 
-QUANTITIES = ("q", "dq", "ddq", "effort")
+QUANTITIES = ("q", "dq", "ddq", "effort", "command")
 """Quantities that a recording can have for each channel."""
 
 

@@ -15,6 +15,7 @@ from armid.measurement.columns.column_guessing import shortened
 from armid.measurement.columns.joint_assignment import in_joint_order
 from armid.measurement.log_format import LogFormat
 from armid.measurement.position_range_check import check_limits
+from armid.measurement.processing.command_checks import still_commands, unwrapped_command
 from armid.measurement.processing.delay import compensate_delay
 from armid.measurement.processing.row_checks import clean
 from armid.measurement.processing.spikes import without_spikes
@@ -63,7 +64,7 @@ def to_robot_convention(recording: Recording, log_format: LogFormat, robot: Robo
     seen = recording.findings
     recording, others = in_joint_order(recording, log_format, robot)
     recording, findings = clean(recording, log_format)
-    standing = _check_channels(recording, log_format)
+    standing = (*_check_channels(recording, log_format), *still_commands(recording))
     _check_gains(recording, log_format)
     recording, spiked = without_spikes(recording, log_format, robot)
     recording, wrapped = _on_joint_side(recording, log_format, robot)
@@ -182,9 +183,10 @@ def _on_joint_side(
     turns = np.array([not joint.is_prismatic for joint in robot.joints])
     sign = np.asarray(log_format.position_sign)
     unit = sign * np.where(turns & log_format.degrees(robot.n), np.pi / 180, 1.0)
-    q, findings = _unwrapped(
-        recording.q * unit, turns if recording.consecutive else np.zeros(robot.n, dtype=np.bool_), robot
-    )
+    turning = turns if recording.consecutive else np.zeros(robot.n, dtype=np.bool_)
+    logged, command = recording.q * unit, recording.command
+    q, findings = _unwrapped(logged, turning, robot)
+    command = None if command is None else unwrapped_command(command * unit, logged, q, turning)
     gear = (
         np.eye(robot.n) if log_format.transmission is None else np.asarray(log_format.transmission, dtype=np.float64)
     )
@@ -210,6 +212,7 @@ def _on_joint_side(
         dq=moved(recording.dq),
         ddq=moved(recording.ddq),
         effort=None if effort is None else through(effort * gain, gear) * np.asarray(log_format.torque_sign),
+        command=None if command is None else through(command, to_joint) + offset,
         valid=valid,
         effort_is_current=False,
     ), findings

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from armid.checked_array import Array, array
 from armid.errors import ArmidError, RecordingError, did_you_mean
 
-QUANTITIES = ("time", "q", "dq", "ddq", "effort")
+QUANTITIES = ("time", "q", "dq", "ddq", "effort", "command")
 """Quantities that columns of a recording can contain."""
 
 SINGULAR = 1e-12
@@ -46,6 +46,7 @@ PRESETS: Mapping[str, FormatPreset] = {
             "q": ("actual_q_{0}",),
             "dq": ("actual_qd_{0}",),
             "effort": ("actual_current_{0}",),
+            "command": ("target_q_{0}",),
         }
     ),
     # CSV of pyfri's collect_data: controller clock in seconds and nanoseconds, measured position and torque; FRI has
@@ -58,6 +59,7 @@ PRESETS: Mapping[str, FormatPreset] = {
             "q": ("state.q[{0}]",),
             "dq": ("state.dq[{0}]",),
             "effort": ("state.tau_J[{0}]",),
+            "command": ("state.q_d[{0}]",),
         },
         time_unit=1e-3,
     ),
@@ -88,8 +90,9 @@ class LogFormat:
             or m]; by default 0.001 rad or 0.0005 m.
         delay: Delay of the logged torque relative to the positions, negative if the torque comes earlier; one value
             or shape (n,) [s].
-        columns: For `time`, `q`, `dq`, `ddq`, `effort`: a pattern in which `{}` counts from 1 and `{0}` from 0,
-            the name of one column or matrix, or a list of names. An empty name leaves the quantity out.
+        columns: For `time`, `q`, `dq`, `ddq`, `effort`, `command` (the commanded position): a pattern in which `{}`
+            counts from 1 and `{0}` from 0, the name of one column or matrix, or a list of names. An empty name leaves
+            the quantity out.
         units: Unit of the logged angles, `rad` or `deg` (also in velocities and accelerations), one for all joints or
             one for each joint. If it is not given, the unit in the names of the columns is used; without such a unit,
             radians.

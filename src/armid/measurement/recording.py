@@ -1,4 +1,4 @@
-"""Recording of measured motion and effort."""
+"""Recording of measured motion and effort, and of the commanded motion."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _all_valid() -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Recording(Displayed):
-    """Measured motion and effort, N samples of n channels.
+    """Measured motion and effort, and commanded positions, N samples of n channels.
 
     A reader returns the recording as it is in the file. `to_robot_convention` returns a recording in the joint order
     of the robot, in SI units, on the joint side, and with the signs of the URDF.
@@ -32,6 +32,7 @@ class Recording(Displayed):
         dq: Velocities, shape (N, n) [rad/s or m/s]; `None` if not recorded.
         ddq: Accelerations, shape (N, n) [rad/s² or m/s²]; `None` if not recorded.
         effort: Torques, forces or motor currents, shape (N, n) [N·m, N or A]; `None` if not recorded.
+        command: Commanded positions at the times of the samples, shape (N, n) [rad or m]; `None` if not recorded.
         joint_names: Names of the n channels; empty if the file only numbers its channels.
         rate: Sample rate [Hz], from the log format, if there is no clock.
         consecutive: True if the rows are consecutive in time; `None` if this is not known.
@@ -50,6 +51,7 @@ class Recording(Displayed):
     dq: Array | None = None
     ddq: Array | None = None
     effort: Array | None = None
+    command: Array | None = None
     joint_names: tuple[str, ...] = ()
     rate: float | None = None
     consecutive: bool | None = None
@@ -66,7 +68,7 @@ class Recording(Displayed):
         q = array(self.q, (None, None), "q", finite=False)
         samples, n = q.shape
         object.__setattr__(self, "q", q)
-        for name in ("dq", "ddq", "effort"):
+        for name in ("dq", "ddq", "effort", "command"):
             values = getattr(self, name)
             if values is not None:
                 object.__setattr__(self, name, self._fitting(values, q.shape, name))
@@ -106,7 +108,7 @@ class Recording(Displayed):
     def summary(self) -> Summary:
         """Table with the range of each quantity in each channel."""
         effort = "current" if self.effort_is_current else "effort"
-        named = {"q": self.q, "dq": self.dq, "ddq": self.ddq, effort: self.effort}
+        named = {"q": self.q, "dq": self.dq, "ddq": self.ddq, effort: self.effort, "command": self.command}
         known = {name: values for name, values in named.items() if values is not None}
         rows = tuple((name, *row) for name, row in zip(self.channels, spans(*known.values()), strict=True))
         long = "no clock" if self.time is None else f"{float(np.ptp(self.time)):.4g} s"
@@ -138,7 +140,7 @@ def select_rows(recording: Recording, keep: NDArray[np.bool_]) -> Recording:
     """Recording with only those rows that a mask of shape (N,) selects."""
     if keep.all():
         return recording
-    names = ("time", "q", "dq", "ddq", "effort", "valid")
+    names = ("time", "q", "dq", "ddq", "effort", "command", "valid")
     quantities = {name: values[keep] for name in names if (values := getattr(recording, name)) is not None}
     number = np.arange(recording.samples) if recording.number is None else recording.number
     return replace(recording, number=number[keep], **quantities)

@@ -18,7 +18,7 @@ from armid.measurement.recording import Recording
 
 EXTRA = "io"
 
-PATTERNS = (("q", "q{}"), ("dq", "dq{}"), ("ddq", "ddq{}"), ("effort", "tau{}"))
+PATTERNS = (("q", "q{}"), ("dq", "dq{}"), ("ddq", "ddq{}"), ("effort", "tau{}"), ("command", "command{}"))
 
 EPOCH = 1_600_000_000
 """Time stamp in a bag of a sample at time 0 [s]; it is not zero, because a stamp of zero means that there is no
@@ -65,6 +65,7 @@ def _columns(recording: Recording) -> dict[str, Array]:
 def _matrices(recording: Recording) -> dict[str, Array]:
     """Matrices of a recording, by the usual names of the quantities in MATLAB."""
     names = {"t": recording.time, "q": recording.q, "dq": recording.dq, "ddq": recording.ddq, "tau": recording.effort}
+    names["command"] = recording.command
     return {name: values for name, values in names.items() if values is not None}
 
 

@@ -203,7 +203,10 @@ def test_the_page_says_what_is_guessed(example, said):
     names = [example] if number is None else [example[: number.start()] + k + example[number.end() :] for k in "0123"]
     names = names if number is None else names[:3] if number[0] == "0" else names[1:]
     quantity = re.search("`(.*)`", said)
-    guess = guess_columns(names, ALL if quantity is None else [quantity[1]], wanted=["joint_1", "joint_2", "joint_3"])
+    beside = quantity is not None and quantity[1] == "command"  # it is one beside three columns of positions
+    joints = [] if beside else ["joint_1", "joint_2", "joint_3"]
+    quantities = ALL if quantity is None else [quantity[1]]
+    guess = guess_columns(names, quantities, wanted=joints, channels=3 if beside else 0)
     assert isinstance(guess, Guess)
     assert {key: list(found) for key, found in guess.columns.items()} == (
         {} if quantity is None else {quantity[1]: names}

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from armid.errors import RecordingError
 from armid.measurement.columns.clocks import ClockRequest, Values, clock_columns
 from armid.measurement.columns.column_name_parsing import ColumnName, clock_of, named, words
 
@@ -31,12 +32,14 @@ class Guess:
         joints: Labels of the joints in the order of the columns; empty if the columns are numbered.
         reasons: Reason for each guess, as text.
         commanded: Quantities for which only commanded columns were found.
+        undecided: Sets of columns that may all contain the commanded position, so that none was chosen.
     """
 
     columns: Mapping[str, tuple[str, ...]]
     joints: tuple[str, ...] = ()
     reasons: tuple[str, ...] = ()
     commanded: tuple[str, ...] = ()
+    undecided: tuple[tuple[str, ...], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +84,7 @@ def guess_columns(
 
     Args:
         names: All columns.
-        quantities: Quantities to guess, a selection of `time`, `q`, `dq`, `ddq`, `effort`.
+        quantities: Quantities to guess, a selection of `time`, `q`, `dq`, `ddq`, `effort`, `command`.
         wanted: Names of the arm's joints in the file; empty if they are unknown.
         labels: Names that the joints of the description, including locked joints, have in the file, in the order of
             the description.
@@ -90,7 +93,7 @@ def guess_columns(
         matrices: True if one variable of the file may contain all channels as a matrix.
         in_file_order: True if columns with names of joints are returned in the order of the file.
         values: Function that returns the numbers of a column. It is used to test whether a column with a unit of time
-            is a clock.
+            is a clock, and whether a command consists of numbers.
 
     Returns:
         Guess for as many quantities as possible; if several choices fit equally well, a `ClockRequest` that contains
@@ -115,9 +118,16 @@ def guess_columns(
     for quantity, group in chosen.items():
         columns[quantity] = tuple(group.members[channel].column for channel in order)
         reasons.append(_reason(quantity, group, columns[quantity], usable))
+    commands = _commands(usable, chosen.get("q"), order, channels, values) if "command" in quantities else []
+    commands = _best(commands, len(wanted), len(labels))
+    if len(commands) == 1:
+        of_channels = order or _order({"command": commands[0]}, () if in_file_order else labels)
+        columns["command"] = tuple(commands[0].members[channel].column for channel in of_channels)
+        reasons.append(_reason("command", commands[0], columns["command"], usable))
+    undecided = tuple(group.columns for group in commands) if len(commands) > 1 else ()
     of_names = tuple(str(channel) for channel in order) if any(g.by_name for g in chosen.values()) else ()
     asked = tuple(quantity for quantity, group in chosen.items() if group.first.commanded)
-    return Guess(columns, of_names, tuple(reasons), asked)
+    return Guess(columns, of_names, tuple(reasons), asked, undecided)
 
 
 def _chosen(
@@ -143,6 +153,35 @@ def _chosen(
         elif quantity == "q":
             break
     return replace(requests[0], others=tuple(requests[1:])) if requests else chosen
+
+
+def _commands(
+    usable: Sequence[_Group],
+    positions: _Group | None,
+    order: Sequence[Channel],
+    channels: int,
+    values: Values | None,
+) -> list[_Group]:
+    """Groups of commanded positions beside measured positions, those whose names state the quantity preferred.
+
+    Args:
+        usable: All groups.
+        positions: Chosen group of positions; `None` if the positions were not guessed.
+        order: Channels of the quantities chosen so far, all of which a command must have.
+        channels: Number of columns of positions, if they were not guessed; 0 if they are unknown.
+        values: Function that returns the numbers of a column.
+    """
+    if (positions is None and not channels) or (positions is not None and positions.first.commanded):
+        return []
+    found = [
+        group
+        for group in usable
+        if (group.quantity == "command" or (group.quantity == "q" and group.first.commanded))
+        and _same_channels(group, positions, channels)
+        and set(order) <= set(group.members)
+        and (values is None or are_numbers(group.columns, values))
+    ]
+    return [group for group in found if group.quantity == "q"] or found
 
 
 def _groups(names: Sequence[str], labels: Sequence[str], *, matrices: bool) -> list[_Group]:
@@ -209,11 +248,15 @@ def _goes_with(group: _Group, positions: _Group | None, channels: int) -> bool:
     It fits if it has the same kind of channels and, for velocities and accelerations, if both groups are measured or
     both are commanded.
     """
+    alike = positions is None or group.first.commanded == positions.first.commanded
+    return _same_channels(group, positions, channels) and (group.quantity not in MOTION or alike)
+
+
+def _same_channels(group: _Group, positions: _Group | None, channels: int) -> bool:
+    """Checks whether a group of columns has the same kind of channels as the positions."""
     if positions is None:
         return not channels or "" in group.members or (not group.by_name and len(group.members) == channels)
-    same = group.by_name if positions.by_name else set(group.members) == set(positions.members)
-    alike = group.quantity not in MOTION or group.first.commanded == positions.first.commanded
-    return same and alike
+    return group.by_name if positions.by_name else set(group.members) == set(positions.members)
 
 
 def _best(groups: Sequence[_Group], joints: int, described: int) -> list[_Group]:
@@ -246,10 +289,19 @@ def _reason(quantity: str, group: _Group, columns: tuple[str, ...], usable: Sequ
     """Text that names the chosen columns of a quantity, the reason for the choice, and the other possible columns."""
     what = f"{quantity} is {shortened(columns)}"
     what += ", from the names of the joints" if group.by_name else ""
-    what += ", commanded and not measured" if group.first.commanded else ""
-    others = [other for other in usable if other.quantity == quantity and other is not group]
+    what += ", commanded and not measured" if group.first.commanded and quantity != "command" else ""
+    others = [other for other in usable if other.quantity == group.quantity and other is not group]
+    others = [other for other in others if quantity != "command" or other.first.commanded]
     left = [f"{shortened(other.columns)}{' (commanded)' if other.first.commanded else ''}" for other in others]
     return what + (f", not {', '.join(left)}" if left else "")
+
+
+def are_numbers(columns: Sequence[str], values: Values) -> bool:
+    """Checks whether all columns consist of numbers."""
+    try:
+        return all(values(name).dtype.kind in "fiu" for name in columns)
+    except RecordingError:
+        return False
 
 
 def shortened(columns: Sequence[str]) -> str:

@@ -108,6 +108,12 @@ OTHER = frozenset(
 MOTOR = frozenset("motor mot theta phi".split())
 """Words that may indicate the motor side of a gear. In libfranka, theta is the motor angle and q the joint angle."""
 
+COMMANDS = frozenset("command cmd commanded target tgt desired des ref reference setpoint goal action".split())
+"""Words that alone indicate a commanded position, if no word of the name indicates a quantity."""
+
+BESIDE_COMMAND = frozenset({"*", "joint", "joints", "j", "axis", "axes", "motor"}) | COMMANDS
+"""Words that may be combined with a word of `COMMANDS` in the name of a commanded position."""
+
 BESIDE_JOINT = frozenset({"*", "joint"}) | MEASURED | COMMANDED | MOTOR
 """Words that may be combined with the name of the joint if only the unit indicates the quantity of a column: for
 instance, `turn_meas_rad` is a position."""
@@ -158,7 +164,8 @@ class ColumnName:
 
     Attributes:
         column: Full name of the column.
-        quantity: `q`, `dq`, `ddq`, `effort` or `current`.
+        quantity: `q`, `dq`, `ddq`, `effort` or `current`; `command` if the name indicates a commanded value without
+            its quantity, so that it is probably a position.
         channel: Name or number of the joint; empty if the name of the column contains neither.
         form: Words of the name, in which `*` replaces the channel.
         rank: Two numbers; the column with the smallest numbers is preferred. First number: 0 or 1 for measured, 2 for
@@ -236,13 +243,15 @@ def named(column: str, labels: Sequence[str]) -> list[ColumnName]:
         of_unit = _quantity_of_unit(unit, form) if of_joint else None
         by_unit = of_unit is not None and (quantity is None or (quantity == "q" and of_unit == "effort"))
         quantity = of_unit if by_unit else quantity
+        if quantity is None and is_command(form):
+            quantity = "command"
         if quantity is None or OTHER & set(form) or (quantity == "current" and channel == ""):
             continue
         if measured is not None and not _fits(quantity, measured[0]):
             continue
         if quantity == "effort" and measured is not None and measured[0] == "current":
             quantity = "current"
-        role = 0 if MEASURED & set(form) else 2 if COMMANDED & set(form) else 1
+        role = 0 if MEASURED & set(form) else 2 if COMMANDED & set(form) or quantity == "command" else 1
         # A name that states the quantity is preferred to one whose unit alone does.
         rank = (max(role, 1), 2) if by_unit else (role, int(bool(MOTOR & set(form))))
         found.append(ColumnName(column, quantity, channel, tuple(form), rank, measured))
@@ -315,7 +324,8 @@ def _channels(parts: Sequence[str], labels: Sequence[str], unit: str) -> list[tu
         name = words(label)
         for k in range(len(parts) - len(name) + 1):
             form = [*parts[:k], "*", *parts[k + len(name) :]]
-            if list(parts[k : k + len(name)]) == name and (quantity_of(form) or _quantity_of_unit(unit, form)):
+            known = quantity_of(form) or _quantity_of_unit(unit, form) or is_command(form)
+            if list(parts[k : k + len(name)]) == name and known:
                 return [(label, form)]
     numbers = [k for k, word in enumerate(parts) if word.isdigit()]
     if not numbers:
@@ -331,6 +341,11 @@ def quantity_of(form: Sequence[str]) -> str | None:
     if "dot" in form and found == {"q"}:
         return "dq"
     return found.pop() if len(found) == 1 else None
+
+
+def is_command(form: Sequence[str]) -> bool:
+    """Checks whether the words of a name indicate a commanded value and nothing else but the joint."""
+    return bool(COMMANDS & set(form)) and set(form) <= BESIDE_COMMAND
 
 
 def unit_of(unit: str) -> tuple[str, float] | None:
@@ -359,6 +374,6 @@ def column_unit(column: str) -> tuple[str, float] | None:
 
 def _fits(quantity: str, kind: str) -> bool:
     """Checks whether a quantity (`q`, `effort`, …) can have a unit of the given kind (`rad`, `torque`, …)."""
-    if quantity in ("q", "dq", "ddq"):
+    if quantity in ("q", "dq", "ddq", "command"):
         return kind in ("rad", "deg", "m")
     return kind == "current" if quantity == "current" else kind in ("torque", "current")

@@ -1,10 +1,9 @@
-"""Selection of the columns of a file that contain time, position, velocity, acceleration and effort."""
+"""Selection of the columns of a file that contain time, position, velocity, acceleration, effort and command."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -15,26 +14,17 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
 from armid.measurement.columns.clocks import Values, evenly_growing, unit_of_step
-from armid.measurement.columns.column_guessing import ClockRequest, Guess, guess_columns
+from armid.measurement.columns.column_guessing import ClockRequest, Guess, are_numbers, guess_columns, shortened
 from armid.measurement.columns.joint_name_comparison import missing_joints, other_arm, refuse_other_joints
-from armid.measurement.columns.missing_channels import joints_of_channels, uneven_channels, with_joints
+from armid.measurement.columns.missing_channels import joints_of_channels, uneven_channels
+from armid.measurement.columns.stated_columns import refuse_two_efforts, stated_columns
 from armid.measurement.columns.units import factors, hold_current, overruled, stated_units, unit_fields
-from armid.measurement.columns.unread import ambiguous_columns, effort_possible, no_such_column, positions_missing
-from armid.measurement.log_format import PRESETS, QUANTITIES, LogFormat
+from armid.measurement.columns.unread import ambiguous_columns, effort_possible, positions_missing
+from armid.measurement.log_format import QUANTITIES, LogFormat
 from armid.measurement.recording import Recording
 from armid.measurement.remedy_builders import lines, naming
-from armid.remedy import Remedy, setting
+from armid.remedy import Remedy
 from armid.robot.robot import Robot
-
-DEFAULTS: Mapping[str, tuple[str, ...]] = {
-    "time": ("t", "time", "timestamp"),
-    "q": ("q{}", "q"),
-    "dq": ("dq{}", "qd{}", "dq", "qd"),
-    "ddq": ("ddq{}", "qdd{}", "ddq", "qdd"),
-    "effort": ("tau{}", "effort{}", "torque{}", "tau", "effort", "torque", "i{}"),
-}
-"""Column names that are tried, in this order, for a quantity without names in the log format; `{}` is replaced by the
-numbers 1, 2, …."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +37,7 @@ class Selection:
         dq: Names of the velocity columns, as for `q`; empty if there are none.
         ddq: Names of the acceleration columns, as for `q`; empty if there are none.
         effort: Names of the effort columns, as for `q`; empty if there are none.
+        command: Names of the columns of commanded positions, as for `q`; empty if there are none.
         guessed: Fields of the log format that were guessed from the names of the columns.
         findings: Findings about the guesses.
     """
@@ -56,13 +47,14 @@ class Selection:
     dq: tuple[str, ...]
     ddq: tuple[str, ...]
     effort: tuple[str, ...]
+    command: tuple[str, ...] = ()
     guessed: Mapping[str, Any] = field(default_factory=dict[str, Any])
     findings: tuple[Finding, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all chosen columns, without duplicates."""
-        return tuple(dict.fromkeys((*self.time, *self.q, *self.dq, *self.ddq, *self.effort)))
+        return tuple(dict.fromkeys((*self.time, *self.q, *self.dq, *self.ddq, *self.effort, *self.command)))
 
 
 def select(
@@ -90,13 +82,14 @@ def select(
             several sets of columns may contain positions. The message lists the columns.
     """
     present = dict.fromkeys(names)
-    chosen = _stated(present, log_format, path, robot)
+    chosen = stated_columns(present, log_format, path, robot)
     guess = Guess({})
     if log_format.preset is None and (
         open_ := [name for name in QUANTITIES if not chosen[name] and name not in log_format.columns]
     ):
         guess = _guess(present, open_, chosen, log_format, robot, path, matrices=matrices, values=values)
         chosen |= guess.columns
+    chosen["command"] = _command(chosen, guess, log_format, path, values)
     labels = _labels(log_format, robot)[0]
     if robot is not None and not guess.joints and (not chosen["q"] or "q" in guess.columns):
         incomplete = None if chosen["q"] else missing_joints(names, robot, labels, path)
@@ -107,7 +100,7 @@ def select(
             clocks = evenly_growing(list(present), set(chain.from_iterable(chosen.values())), values)
         raise positions_missing(present, chosen, log_format, path, robot, labels, clocks=clocks)
     if log_format.drive_gain is not None and "effort" not in log_format.columns and log_format.preset is None:
-        _refuse_two_efforts(chosen["effort"], present, path)
+        refuse_two_efforts(chosen["effort"], present, path)
     guessed = _as_fields(guess, log_format, robot) | unit_fields(chosen, log_format)
     contradicted = overruled(chosen, log_format)
     doubt = "" if robot is None or guess.joints else other_arm(guess.columns.get("q", ()), labels, robot.name)
@@ -120,32 +113,9 @@ def select(
     joints = joints_of_channels(len(chosen["q"]), log_format, robot)
     if len(chosen["q"]) > 1 and len(chosen["effort"]) > 1 and len(chosen["q"]) != len(chosen["effort"]):
         raise uneven_channels(chosen, len(chosen["q"]), len(chosen["effort"]), path, log_format, joints)
+    findings += _undecided(guess, log_format)
     findings += effort_possible(list(present), chosen, log_format, labels, joints)
     return Selection(**chosen, guessed=guessed, findings=findings)
-
-
-def _stated(
-    present: Mapping[str, Any], log_format: LogFormat, path: Path, robot: Robot | None
-) -> dict[str, tuple[str, ...]]:
-    """Columns of each quantity by the names in the log format, the names of its preset, or the usual names."""
-    chosen: dict[str, tuple[str, ...]] = {}
-    for quantity in QUANTITIES:
-        if quantity in log_format.columns:
-            patterns = tuple(log_format.columns[quantity])
-            chosen[quantity] = _named(patterns, present, quantity, path) if patterns else ()
-        elif log_format.preset is not None:
-            patterns = PRESETS[log_format.preset].columns.get(quantity, ())
-            needed = patterns and quantity in ("time", "q")
-            chosen[quantity] = (
-                _named(patterns, present, quantity, path)
-                if needed
-                else tuple(chain.from_iterable(_expand(pattern, present, path) for pattern in patterns))
-            )
-        else:
-            joints = () if robot is None or robot.held or log_format.joints else robot.joint_names
-            found = (_expand(pattern, present, path, joints, usual=True) for pattern in DEFAULTS[quantity])
-            chosen[quantity] = next((columns for columns in found if columns), ())
-    return chosen
 
 
 def assemble(
@@ -164,7 +134,7 @@ def assemble(
         path: Path of the file.
         joint_names: Names of the channels in the file; empty if it has none.
     """
-    quantities = (*selection.q, *selection.dq, *selection.ddq, *selection.effort)
+    quantities = (*selection.q, *selection.dq, *selection.ddq, *selection.effort, *selection.command)
     names_hold = "units" not in overruled({"q": selection.q, "time": selection.time}, log_format)
     scale = factors(quantities, selection.guessed.get("units", log_format.units), angles=names_hold)
 
@@ -176,12 +146,18 @@ def assemble(
     if effort is not None and effort.ndim == q.ndim == 2 and effort.shape[1] != q.shape[1]:
         chosen = {name: found for name in QUANTITIES if (found := getattr(selection, name))}
         raise uneven_channels(chosen, q.shape[1], effort.shape[1], path, log_format)
+    command = _matrix(selection.command, scaled, path) if selection.command else None
+    if command is not None and command.ndim == q.ndim == 2 and command.shape[1] != q.shape[1]:
+        if "command" in log_format.columns:
+            raise _uneven_command(q.shape[1], command.shape[1], path)
+        command, selection = None, replace(selection, command=())  # another quantity of that name
     return Recording(
         time=_time(selection.time, column, selection.guessed.get("time_unit", log_format.clock_unit)),
         q=q,
         dq=_matrix(selection.dq, scaled, path) if selection.dq else None,
         ddq=_matrix(selection.ddq, scaled, path) if selection.ddq else None,
         effort=effort,
+        command=command,
         joint_names=tuple(joint_names),
         rate=log_format.rate,
         consecutive=log_format.consecutive,
@@ -191,6 +167,48 @@ def assemble(
         findings=selection.findings,
         source=str(path),
     )
+
+
+def _command(
+    chosen: Mapping[str, tuple[str, ...]], guess: Guess, log_format: LogFormat, path: Path, values: Values | None
+) -> tuple[str, ...]:
+    """Columns of the command beside the chosen positions; empty if columns with usual names cannot be the command.
+
+    They must be numbers, one column for each column of measured positions, or one matrix; the positions must not be
+    commanded positions, which are used if none were measured.
+
+    Raises:
+        RecordingError: The log format names a number of columns that is not that of the positions.
+    """
+    columns, q = chosen["command"], chosen["q"]
+    even = len(columns) in (1, len(q)) or len(q) == 1
+    if not columns or "command" in guess.columns:
+        return columns
+    if "command" in log_format.columns:
+        if q and not even:
+            raise _uneven_command(len(q), len(columns), path)
+        return columns
+    fits = even and columns != q and "q" not in guess.commanded
+    return columns if fits and (values is None or are_numbers(columns, values)) else ()
+
+
+def _uneven_command(q: int, command: int, path: Path) -> RecordingError:
+    """Error for positions and a command with different numbers of channels."""
+    return RecordingError(
+        f"{path} has {q} channels of positions (q), but {command} of the command.",
+        remedy="name the same number of columns for `q` and `command` in `columns`, and lock the joints that were "
+        "not recorded; or leave the command out with an empty name.",
+    )
+
+
+def _undecided(guess: Guess, log_format: LogFormat) -> tuple[Finding, ...]:
+    """Finding about several sets of columns that may contain the commanded position."""
+    if not guess.undecided:
+        return ()
+    sets = "; ".join(shortened(columns) for columns in guess.undecided)
+    evidence = f"Several sets of columns may hold the commanded position: {sets}. None of them is used."
+    remedy = naming(log_format, {"command": guess.undecided[0]}, "if it is the position that the drive was given")
+    return (Finding("command-possible", "info", "command", evidence, remedy),)
 
 
 def _guess(
@@ -319,63 +337,6 @@ def numeric(values: NDArray[Any], name: str, path: Path) -> Array:
             remedy="save a matrix with one row for each sample and one column for each joint.",
         )
     return values.astype(np.float64)
-
-
-def _named(patterns: tuple[str, ...], present: Mapping[str, Any], quantity: str, path: Path) -> tuple[str, ...]:
-    """Names of the columns that a single pattern or a list of names selects; all of them must exist in the file."""
-    if len(patterns) == 1:
-        found = _expand(patterns[0], present, path)
-        if not found:
-            raise no_such_column(f"No column is called {patterns[0]!r}", present, quantity, path)
-        return found
-    missing = [name for name in patterns if name not in present]
-    if missing:
-        raise no_such_column(f"No column is called {', '.join(map(repr, missing))}", present, quantity, path)
-    return patterns
-
-
-def _expand(
-    pattern: str, present: Mapping[str, Any], path: Path, joints: Sequence[str] = (), *, usual: bool = False
-) -> tuple[str, ...]:
-    """Columns that match a pattern, in the order of their numbers.
-
-    The numbers start at 1 for `{}` and at 0 for `{0}`; usual names from 0 do not match and are guessed later.
-    """
-    for braces, first in (("{}", 1), ("{0}", 0)):
-        if braces not in pattern:
-            continue
-        before, after = pattern.split(braces, 1)
-        form = re.compile(re.escape(before) + r"(\d+)" + re.escape(after))
-        numbered = {int(hit[1]): name for name in present if (hit := form.fullmatch(name))}
-        if not numbered:
-            return ()
-        if usual and sorted(numbered) == list(range(len(numbered))):
-            return ()  # guessed instead, with a finding
-        expected = range(first, first + len(numbered))
-        if sorted(numbered) != list(expected):
-            found = ", ".join(numbered[i] for i in sorted(numbered))
-            gaps = {i - first: f"{before}{i}{after}" for i in range(first, max(numbered)) if i not in numbered}
-            missing = f"; missing: {with_joints(gaps, joints)}" if len(gaps) < len(numbered) else ""
-            raise RecordingError(
-                f"{path}: the numbers of the columns {pattern!r} must start at {first} and have no gap; found "
-                f"{found}{missing}.",
-                possible="in a pattern, {} counts from 1 and {0} from 0; a list may contain any names",
-                remedy="log the missing columns, too; or list the names of the columns under the key `columns`, and "
-                "lock joints that were not recorded.",
-            )
-        return tuple(numbered[i] for i in expected)
-    return (pattern,) if pattern in present else ()
-
-
-def _refuse_two_efforts(effort: tuple[str, ...], present: Mapping[str, Any], path: Path) -> None:
-    """Raises an error if drive gains are given and the file has both torque and current columns."""
-    current = _expand("i{}", present, path)
-    if effort and current and effort != current:
-        raise RecordingError(
-            f"{path} has the columns {effort[0]} … and {current[0]} …, and it is not clear to which of them "
-            "`drive_gain` applies.",
-            remedy=Remedy("name the effort columns, for instance ", setting("columns", {"effort": "i{}"}), "."),
-        )
 
 
 def _matrix(names: tuple[str, ...], column: Callable[[str], NDArray[Any]], path: Path) -> NDArray[Any]:

@@ -47,6 +47,7 @@ def in_joint_order(
         dq=ordered(recording.dq),
         ddq=ordered(recording.ddq),
         effort=ordered(recording.effort),
+        command=ordered(recording.command),
         valid=recording.valid[:, order],
         joint_names=robot.joint_names,
         columns={name: _reordered(columns, order, recording.n, name) for name, columns in recording.columns.items()},

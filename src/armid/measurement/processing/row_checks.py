@@ -12,6 +12,7 @@ from armid.errors import Finding, RecordingError
 from armid.maths.median import median
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.clock_checks import RATE_TOLERANCE, check_clock, without_ties
+from armid.measurement.processing.command_checks import without_incomplete_command
 from armid.measurement.recording import Recording, recording_error, select_rows
 from armid.measurement.remedy_builders import excluding, lines, naming
 from armid.remedy import Assignment, Remedy, setting
@@ -72,6 +73,7 @@ def clean(recording: Recording, log_format: LogFormat) -> tuple[Recording, tuple
     rate = recording.rate if log_format.rate is None else log_format.rate
     given = recording.consecutive if log_format.consecutive is None else log_format.consecutive
     recording = replace(recording, rate=rate, consecutive=given)
+    recording, lost = without_incomplete_command(recording)
     recording = _without_excluded_nan(recording, log_format)
     _refuse_nan(recording, log_format)
     _refuse_few(recording)
@@ -80,7 +82,7 @@ def clean(recording: Recording, log_format: LogFormat) -> tuple[Recording, tuple
     recording, ties = without_ties(recording)
     _refuse_few(recording)
     recording, found = _with_consecutive(recording, np.where(log_format.degrees(recording.n), 360.0, 2 * np.pi))
-    return _masked(recording, log_format), (*findings, *ties, *found)
+    return _masked(recording, log_format), (*lost, *findings, *ties, *found)
 
 
 def _excluded(recording: Recording, log_format: LogFormat) -> NDArray[np.bool_]:
@@ -137,9 +139,18 @@ def _masked(recording: Recording, log_format: LogFormat) -> Recording:
 
 
 def _everything(recording: Recording) -> Array:
-    """All measured channels in one matrix, shape (N, number of channels)."""
-    measured = (recording.q, recording.dq, recording.ddq, recording.effort)
+    """All measured channels in one matrix, shape (N, number of channels).
+
+    The command is among them if there is no effort, because it then stands in the place of the effort. Beside an
+    effort it does not decide about rows, so that all results of the effort are the same with and without it.
+    """
+    measured = (recording.q, recording.dq, recording.ddq, _input(recording))
     return np.hstack([values for values in measured if values is not None])
+
+
+def _input(recording: Recording) -> Array | None:
+    """Effort of a recording, or its command if it has no effort."""
+    return recording.command if recording.effort is None else recording.effort
 
 
 def _is_number(values: Array) -> NDArray[np.bool_]:
@@ -149,7 +160,7 @@ def _is_number(values: Array) -> NDArray[np.bool_]:
 
 def _refuse_nan(recording: Recording, log_format: LogFormat) -> None:
     """Raises an error if a value is not finite or too large; the remedy gives the intervals to exclude."""
-    for name in ("time", "q", "dq", "ddq", "effort"):
+    for name in ("time", "q", "dq", "ddq", "effort", "command"):
         values = getattr(recording, name)
         good = None if values is None else np.isfinite(values) if name == "time" else _is_number(values)
         if values is None or good is None or good.all():
@@ -200,7 +211,11 @@ def _refuse_few(recording: Recording) -> None:
 
 
 def _without_repeats(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
-    """Drops or masks rows that repeat the row before, because the recorder is faster than the bus of the robot."""
+    """Drops or masks rows that repeat the row before, because the recorder is faster than the bus of the robot.
+
+    A recording without effort is returned unchanged: a command has no noise, and where it rests, equal rows of
+    position and command are a measurement.
+    """
     if recording.effort is None:
         return recording, ()
     values = _everything(recording)

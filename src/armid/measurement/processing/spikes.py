@@ -1,11 +1,12 @@
-"""Spikes: isolated samples of positions, velocities and torques that no arm can produce.
+"""Spikes: isolated samples of positions, velocities, torques and commands that no arm can produce.
 
 A dropped packet that is logged as zeros, or a bit error on a bus, affects one sample or a few samples. A filter
 spreads such a sample over the rows around it. Therefore spikes are detected and interpolated before anything is
 filtered, and the samples are not used. A position is a spike if it jumps away and back at a speed of several times
 the velocity limit. A velocity or a torque is a spike if it is isolated: one sample, or a few samples, far from the
-samples on both sides. A velocity is not a spike if the differences of the positions agree with it. In logs with a low
-sample rate, velocities and torques are not examined, because a real motion can be as short as a spike.
+samples on both sides. A commanded position is examined like a measured one. A velocity is not a spike if the
+differences of the positions agree with it. In logs with a low sample rate, velocities and torques are not examined,
+because a real motion can be as short as a spike.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ LISTED = 3
 TINY = 1e-300
 """Smallest divisor in place of the range of a channel, so that the divisor is not zero."""
 
-NAMES = {"q": "position", "dq": "velocity", "effort": "torque"}
+NAMES = {"q": "position", "dq": "velocity", "effort": "torque", "command": "commanded position"}
 """Quantities that are examined for spikes, and their names in messages."""
 
 Flags = NDArray[np.bool_]
@@ -89,7 +90,7 @@ class Channels:
     effort_units: tuple[str, ...]
 
     def unit(self, quantity: str, joint: int) -> str:
-        """Unit of a quantity (`q`, `dq` or `effort`) of a joint, as logged."""
+        """Unit of a quantity (`q`, `dq`, `effort` or `command`) of a joint, as logged."""
         if quantity == "effort":
             return self.effort_units[joint]
         return self.units[joint] + ("/s" if quantity == "dq" else "")
@@ -101,7 +102,9 @@ def without_spikes(
     """Interpolates and masks the spikes of a recording, and reports them in findings.
 
     If a position or a velocity is a spike, the sample is masked for all joints, because the torques of all joints
-    depend on the motion of each joint. If only a torque is a spike, the sample is masked only for its joint.
+    depend on the motion of each joint. If only a torque is a spike, the sample is masked only for its joint, and
+    likewise if only a command is a spike in a recording without torque. In a recording with torque, a command is
+    interpolated, but not masked, because results from the torque do not need it.
 
     Args:
         recording: Recording in the robot's joint order and in the units of the log, with finite values.
@@ -120,6 +123,8 @@ def without_spikes(
         found["dq"] = flags & ~confirmed_velocities(recording.dq, flags, q, time, channels)
     if recording.effort is not None and usual_step <= SLOWEST:
         found["effort"] = isolated_samples(recording.effort, usual_step)
+    if recording.command is not None:
+        found["command"] = impossible_positions(recording.command, time, channels.speed, channels.turn)
     for name, flags in found.items():
         _add_lost_packets(flags, getattr(recording, name))
     if not any(flags.any() for flags in found.values()):
@@ -250,19 +255,21 @@ def _repaired(recording: Recording, turn: Array, found: dict[str, Flags], time: 
         found: Mask of the spikes of each quantity, shape (N, n) each.
         time: Times of the samples, shape (N,) [s].
     """
-    rows = np.logical_or.reduce([found[name].any(axis=1) for name in found if name != "effort"])
+    rows = np.logical_or.reduce([found[name].any(axis=1) for name in found if name not in ("effort", "command")])
     valid = recording.valid & ~rows[:, None]
     changed: dict[str, Array] = {}
-    for name in ("q", "dq", "ddq", "effort"):
+    for name in ("q", "dq", "ddq", "effort", "command"):
         values = getattr(recording, name)
         if values is None:
             continue
         flags = np.broadcast_to(rows[:, None], values.shape)
-        if name == "effort" and name in found:
+        if name in ("effort", "command") and name in found:
             flags = flags | found[name]
-            valid &= ~flags
+            if name == "effort" or recording.effort is None:
+                valid &= ~flags
         if flags.any():
-            changed[name] = _interpolated(values, flags, time, turn if name == "q" else np.full_like(turn, np.inf))
+            whole = turn if name in ("q", "command") else np.full_like(turn, np.inf)
+            changed[name] = _interpolated(values, flags, time, whole)
     return replace(recording, valid=valid, **changed)
 
 
@@ -286,7 +293,7 @@ def _interpolated(values: Array, flags: Flags, time: Array, turn: Array) -> Arra
 def _finding(
     recording: Recording, quantity: str, flags: Flags, time: Array, channels: Channels, *, kept: bool
 ) -> Finding:
-    """Finding about the spikes of one quantity (`q`, `dq` or `effort`) in all channels."""
+    """Finding about the spikes of one quantity (`q`, `dq`, `effort` or `command`) in all channels."""
     rows = np.flatnonzero(flags.any(axis=1))
     times = ", ".join(f"{t:.3f}" for t in time[rows[:LISTED]]) + " s"
     more = f" and {len(rows) - LISTED} more" if len(rows) > LISTED else ""
@@ -299,7 +306,9 @@ def _finding(
     if kept:
         remedy = Remedy("remove ", setting("spikes", "keep"), " from the study, so that these samples are not used")
         return Finding("spikes", "error" if broken else "warning", names, evidence, remedy)
-    left_out = "Rows near them are left out for their joint." if quantity == "effort" else "These rows are left out."
+    of_joint = quantity == "effort" or (quantity == "command" and recording.effort is None)
+    left_out = "Rows near them are left out for their joint." if of_joint else "These rows are left out."
+    left_out = left_out if quantity != "command" or of_joint else "The command was interpolated there."
     remedy = (
         "find out the cause, in the cable, the driver or the logger; for this log nothing has to be done. If the "
         'values are real, spikes = "keep" in [[recording]] uses them.'
@@ -328,6 +337,6 @@ def _largest(recording: Recording, quantity: str, flags: Flags, time: Array, cha
         f"The largest jump is that of {recording.channels[j]} at t = {time[row]:.3f} s: {values[row, j]:.4g} {unit} "
         f"next to {sides} {unit}."
     )
-    if quantity == "q":
+    if quantity in ("q", "command"):
         text += f" That is faster than {FASTER:g} times its largest speed, {channels.speed[j]:.3g} {unit}/s."
     return text

@@ -9,7 +9,7 @@ from armid.errors import StudyError
 from armid.measurement.recording import Recording
 from armid.study.config import RecordingChoice
 
-ROWS = ("time", "q", "dq", "ddq", "effort", "valid", "number")
+ROWS = ("time", "q", "dq", "ddq", "effort", "command", "valid", "number")
 """Fields of a recording with one entry for each sample."""
 
 FEWEST_ROWS = 10

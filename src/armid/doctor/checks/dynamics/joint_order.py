@@ -254,7 +254,7 @@ def _remedy(evidence: LogEvidence, order: _Order) -> str:
     """Lines of a study that correct the order: the columns of each quantity, or the joint of each channel."""
     recording = evidence.recording
     assert recording is not None
-    quantities = {"q": order.motion, "dq": order.motion, "ddq": order.motion, "effort": order.torque}
+    quantities = {**dict.fromkeys(("q", "dq", "ddq", "command"), order.motion), "effort": order.torque}
     found = {name: recording.columns.get(name, ()) for name in quantities if getattr(recording, name) is not None}
     if any(len(columns) != recording.n for columns in found.values()):
         alike = (order.motion == order.torque).all()

@@ -87,7 +87,7 @@ def _as_logged(raw: Recording) -> Recording | None:
 def _clock_alone(recording: Recording) -> Recording:
     """The recording with its time stamps, and with zeros for all signals."""
     still = np.zeros_like(recording.q)
-    return replace(recording, q=still, dq=None, ddq=None, effort=still)
+    return replace(recording, q=still, dq=None, ddq=None, effort=still, command=None)
 
 
 def _round_rate(segment: Segment, off: float) -> float:

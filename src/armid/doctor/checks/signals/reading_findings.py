@@ -24,6 +24,9 @@ EFFECTS = {
     "rows-repeated": "Velocity would be zero at every repeated row; these rows are excluded.",
     "rows-not-consecutive": "Nothing can be filtered or differentiated, and terms with hysteresis cannot be used.",
     "effort-missing": "Without torque or current, no parameters can be identified.",
+    "command-incomplete": "No effect on results from the effort; the command cannot be used.",
+    "command-still": "A joint that only holds its position shows neither its inertia nor its friction.",
+    "command-possible": "The command cannot be used until its columns are named; nothing else changes.",
     "value-missing": "Nothing can be computed from a recording with missing values.",
     "description-rounded": "Angles that miss a multiple of 15° by rounding only would add base parameters that the "
     "real arm does not have.",
