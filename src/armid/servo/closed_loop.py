@@ -14,7 +14,7 @@ from armid.servo.held_command import held_means
 from armid.servo.parameters import ServoModel, ServoParameters
 from armid.servo.servo_run import ServoRun
 
-LONGEST_STEP = 1e-3
+LONGEST_STEP = 2e-3
 """Longest step of the integration [s]. Steps of half this length change the motion of the hobby arm SO-101 by less
 than 0.1 mrad."""
 

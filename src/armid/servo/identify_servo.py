@@ -45,6 +45,9 @@ USUAL_ERROR = 0.05
 """Position error at which a servo without any other information is taken to give the largest torque that the links
 need [rad or m]."""
 
+FEW_STEPS = 8
+"""Largest number of steps of the search without the left-out parts, whose result need not be exact."""
+
 LEFT_OUT = 0.3
 """Share at the end of each training run on which the first estimate and the refined one are compared."""
 
@@ -108,7 +111,9 @@ def identify_servo(
     shorter = [run.part(0, round((1.0 - LEFT_OUT) * run.samples)) for run in runs]
     later = [run.part(round((1.0 - LEFT_OUT) * run.samples), run.samples) for run in runs]
     tell("left-out parts", 0.0)
-    partial = minimise_output_error(unknowns, shorter, progress=lambda share: tell("left-out parts", share))
+    partial = minimise_output_error(
+        unknowns, shorter, most_steps=FEW_STEPS, progress=lambda share: tell("left-out parts", share)
+    )
     left_out = (
         closed_loop_error(model, partial.parameters, later),
         closed_loop_error(model, unknowns.mean, later),

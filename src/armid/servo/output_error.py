@@ -18,7 +18,7 @@ from armid.servo.parameters import ServoParameters
 from armid.servo.servo_run import ServoRun
 from armid.servo.unknowns import Unknowns
 
-MOST_STEPS = 30
+MOST_STEPS = 20
 """Largest number of Gauss-Newton steps."""
 
 SETTLED = 0.02
@@ -81,7 +81,12 @@ class _Point:
 
 
 def minimise_output_error(
-    unknowns: Unknowns, runs: Sequence[ServoRun], *, start: Array | None = None, progress: Progress | None = None
+    unknowns: Unknowns,
+    runs: Sequence[ServoRun],
+    *,
+    start: Array | None = None,
+    most_steps: int = MOST_STEPS,
+    progress: Progress | None = None,
 ) -> OutputErrorFit:
     """Estimates the unknowns from recorded runs.
 
@@ -89,13 +94,14 @@ def minimise_output_error(
         unknowns: Unknowns with their prior.
         runs: Training runs.
         start: Unknowns at which the search starts; the prior mean if not given.
+        most_steps: Largest number of Gauss-Newton steps.
         progress: Function that is called with the share of the steps that are done.
     """
     x = np.zeros(unknowns.count) if start is None else start
     point = _evaluate(unknowns, x, runs)
     weight, rms, correlation = _weights(point.residuals)
     damping, settled, step = DAMPING[0], False, 0
-    for step in range(1, MOST_STEPS + 1):
+    for step in range(1, most_steps + 1):
         information, slope = _normal_equations(unknowns, point, weight, x)
         cost = _cost(unknowns, point, weight, x)
         found = None
@@ -114,7 +120,7 @@ def minimise_output_error(
             break
         weight, rms, correlation = _weights(point.residuals)
         if progress is not None:
-            progress(step / MOST_STEPS)
+            progress(step / most_steps)
         if settled:
             break
     information, _ = _normal_equations(unknowns, point, weight, x)

@@ -1,0 +1,68 @@
+"""Real arms without torque: closed-loop error on motion that was not used for training."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from armid.measurement.log_format import LogFormat
+from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
+from armid.study.servos.choice import ServoChoice
+from armid.study.servos.identification import identify_servo_study
+
+TRAINING = {
+    "chirp_sweep": 2000 / 6000,
+    "multisine": 1500 / 6000,
+    "large_amplitude": 2000 / 6652,
+    "workspace_sweep": 1500 / 5465,
+}
+"""Share of each recording that trains."""
+
+HELD_OUT = ("lissajous_pattern", "trapezoidal_profile", "hold_under_gravity", "custom_motion")
+
+OF_DESCRIPTION, OF_COMMAND = 0.60, 0.42
+"""Largest error relative to that of the community's description of the SO-101, and to that of command = position."""
+
+GO2_ERROR = 7.0e-3
+"""Largest error [rad] of the Go2: another program's output error reaches 6.6 mrad with as many unknowns."""
+
+
+def test_so101(shared_data):
+    folder = shared_data / "so101_sage"
+    recordings = [RecordingChoice(f"{name}.parquet", part=(0.0, share)) for name, share in TRAINING.items()]
+    recordings += [RecordingChoice(f"{name}.parquet", "validate") for name in HELD_OUT]
+    study = Study(RobotChoice("so101_new_calib.xml"), ModelChoice(), tuple(recordings), folder=str(folder))
+    result = identify_servo_study(study)
+    assert result.score is not None
+    assert result.score.described is not None
+    assert result.score.model.total < OF_DESCRIPTION * result.score.described.total
+    assert result.score.model.total < OF_COMMAND * result.score.command.total
+    assert not any(each.severity == "error" for each in result.findings)
+
+
+def test_go2_on_a_stand(shared_data, tmp_path):
+    folder = shared_data / "go2_stand"
+    text = re.sub(r"<freejoint[^>]*/>", "", (folder / "go2.xml").read_text())  # the trunk is held
+    (tmp_path / "go2.xml").write_text(text)
+    path, rate = str(folder / "first70.parquet"), LogFormat()
+    recordings = (
+        RecordingChoice(path, reading=rate, part=(0.0, 50 / 70)),
+        RecordingChoice(path, "validate", rate, (50 / 70, 1.0)),
+    )
+    servo = ServoChoice(stiffness=20.0, damping=1.5)
+    study = Study(RobotChoice(str(tmp_path / "go2.xml")), ModelChoice(), recordings, servo=servo)
+    result = identify_servo_study(study)
+    assert result.score is not None
+    assert result.score.model.total < GO2_ERROR
+
+
+@pytest.mark.parametrize("name", ["so101_new_calib.xml", "so101_new_calib.urdf"])
+def test_servos_of_the_description(shared_data, name):
+    """Only an MJCF states servos."""
+    from armid.robot import load_robot
+    from armid.robot.described_drive import DescribedServo
+
+    robot = load_robot(shared_data / "so101_sage" / name)
+    servos = {joint.drive.servo for joint in robot.joints}
+    assert servos == ({DescribedServo(17.8)} if name.endswith("xml") else {None})
