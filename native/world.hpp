@@ -129,7 +129,7 @@ inline void load_body(const double* inertial, Body& body) {
   add_crossed(body.w, body.P, body.f);
 }
 
-// Coriolis term of a body [Singh2022, eq. 25], which acts on the angular part of a motion only.
+// Coriolis term of a body [Singh2022], which acts on the angular part of a motion only.
 inline void load_coriolis(Body& body) {
   const V* w = body.w;
   const V half = 0.5 * (body.J[0] + body.J[2] + body.J[5]), along = dot(body.v, body.h);

@@ -9,8 +9,8 @@ import pytest
 from armid import kernel
 from armid.errors import ArmidError
 from armid.kernel import LawPrograms, RollOutParameters, ServoJoints, make_layout
-from armid.model.law_programs import law_programs
 from armid.model.terms import Coulomb, Stribeck, Viscous
+from armid.model.terms.law_programs import law_programs
 from armid.model.terms.term import Law
 from armid.model.torque_law_expression import cosine, exponential, magnitude, maximum, minimum, sine, symbol, tanh
 from problems import COMPILED, TWIN
@@ -118,7 +118,7 @@ def test_derivatives_are_those_of_the_motion(seed):
 
 
 def test_derivatives_with_dry_friction():
-    """Where joints stick and slide, differences agree while no step changes from one to the other."""
+    """Differences agree for joints that stick and slide, while no step changes from one to the other."""
     rng = np.random.default_rng(3)
     tree, inertial = iiwa_tree(), random_inertial(rng, 7)
     laws = law_programs(

@@ -8,8 +8,8 @@ import pytest
 
 from armid import kernel
 from armid.kernel import ServoJoints
-from armid.model.law_programs import law_programs
 from armid.model.terms import Coulomb, Viscous
+from armid.model.terms.law_programs import law_programs
 from armid.robot import load_robot
 
 ARM = """
@@ -46,8 +46,8 @@ ARM = """
 """
 
 SAME = 2e-4
-"""Largest difference [rad or m] from MuJoCo's motion, extrapolated to steps of zero: its integration is of first order.
-What is left is of second order, and its dry friction is a soft constraint."""
+"""Largest difference [rad or m] from MuJoCo's motion, extrapolated to steps of zero, because its integration is of first
+order. What is left is of second order, and its dry friction is a soft constraint."""
 
 
 def simulated(path, text: str, command, step: float, each: int):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from armid.export.servo_mjcf import TIMESTEP, servo_mjcf
+from armid.export.servos.mjcf_actuators import TIMESTEP, servo_mjcf
 from armid.robot.readers import mjcf
 from armid.servo.closed_loop import simulate
 from armid.servo.held_command import held_means

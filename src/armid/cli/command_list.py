@@ -15,7 +15,6 @@ from armid.cli.commands.payload import payload
 from armid.cli.commands.predict import predict
 from armid.cli.commands.recalibrate import recalibrate
 from armid.cli.commands.report import report
-from armid.cli.commands.servo import servo
 from armid.cli.commands.thesis import thesis
 from armid.cli.commands.track import track
 from armid.cli.commands.validate import validate
@@ -23,6 +22,7 @@ from armid.cli.monitoring.monitor import monitor
 from armid.cli.motion.excite import excite
 from armid.cli.motion.preview import preview
 from armid.cli.motion.simulate import simulate
+from armid.cli.servos.servo import servo
 
 COMMANDS: tuple[Callable[..., None], ...] = (
     base,

@@ -25,8 +25,8 @@ from armid.kernel.dispatch import (
 from armid.kernel.information_gradient import columns_adjoint, information, information_adjoint
 from armid.kernel.joint_column_layout import ColumnLayout, make_layout
 from armid.kernel.reweighted_solver import reweighted_least_squares
-from armid.kernel.rollout import RollOutParameters, roll_out, roll_out_sensitivities
-from armid.kernel.servo_joints import LawPrograms, ServoJoints
+from armid.kernel.rollout import roll_out, roll_out_sensitivities
+from armid.kernel.servo_joints import LawPrograms, RollOutParameters, ServoJoints
 from armid.kernel.tree import Tree
 
 __all__ = [

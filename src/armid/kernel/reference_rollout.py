@@ -5,19 +5,14 @@ The scheme is described in `armid.kernel.rollout`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from armid.checked_array import Array
 from armid.kernel import reference
 from armid.kernel.reference_adjoint import STEPS, TURNS
 from armid.kernel.reference_laws import law_torques
-from armid.kernel.servo_joints import OPERATIONS, ServoJoints
+from armid.kernel.servo_joints import OPERATIONS, RollOutParameters, ServoJoints
 from armid.kernel.tree import Tree
-
-if TYPE_CHECKING:
-    from armid.kernel.rollout import RollOutParameters
 
 PASSES = 40
 """Largest number of Newton passes of a step, as in the compiled kernel."""

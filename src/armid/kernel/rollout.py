@@ -12,44 +12,16 @@ there.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import armid.kernel._native as _native
 from armid.checked_array import Array, array
 from armid.errors import ArmidError
 from armid.kernel import reference_rollout
 from armid.kernel.dispatch import TWIN, compiled_arm, in_use
-from armid.kernel.joint_column_layout import ColumnLayout
-from armid.kernel.servo_joints import ServoJoints
+from armid.kernel.servo_joints import RollOutParameters, ServoJoints
 from armid.kernel.tree import Tree
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class RollOutParameters:
-    """Parameters by which a roll-out is differentiated, numbered 0 … count - 1.
-
-    Attributes:
-        count: Number of parameters.
-        links: Layout of the regressor columns of the inertial parameters among them (`make_layout`).
-        law: Number of the parameter of each law, -1 if it is not among them, shape (l,).
-        joint: Numbers of rotor inertia, stiffness and damping of each joint, -1 if not among them, shape (3, n).
-        input_joint: Joint of each input, shape (e,). An input is a torque of a servo for a unit of a parameter.
-        input_parameter: Number of the parameter of each input, shape (e,).
-    """
-
-    count: int
-    links: ColumnLayout
-    law: NDArray[np.int32]
-    joint: NDArray[np.int32]
-    input_joint: NDArray[np.int32]
-    input_parameter: NDArray[np.int32]
-
-    def __post_init__(self) -> None:
-        for name in ("law", "joint", "input_joint", "input_parameter"):
-            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=np.int32))
 
 
 def roll_out(

@@ -1,4 +1,4 @@
-"""Servos and torque laws of joints in the form of the roll-out."""
+"""Servos, torque laws and parameters in the form of the roll-out."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array, array
 from armid.errors import ArmidError
+from armid.kernel.joint_column_layout import ColumnLayout
 
 OPERATIONS = (
     "number", "q", "dq", "add", "mul", "pow", "sign", "tanh", "abs", "exp", "sin", "cos", "max", "min",
@@ -90,3 +91,28 @@ class ServoJoints:
                 "Stiffness, damping and rotor inertia of a servo must not be negative.",
                 remedy="check the signs of these values.",
             )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RollOutParameters:
+    """Parameters by which a roll-out is differentiated, numbered 0 … count - 1.
+
+    Attributes:
+        count: Number of parameters.
+        links: Layout of the regressor columns of the inertial parameters among them (`make_layout`).
+        law: Number of the parameter of each law, -1 if it is not among them, shape (l,).
+        joint: Numbers of rotor inertia, stiffness and damping of each joint, -1 if not among them, shape (3, n).
+        input_joint: Joint of each input, shape (e,). An input is a torque of a servo for a unit of a parameter.
+        input_parameter: Number of the parameter of each input, shape (e,).
+    """
+
+    count: int
+    links: ColumnLayout
+    law: NDArray[np.integer]
+    joint: NDArray[np.integer]
+    input_joint: NDArray[np.integer]
+    input_parameter: NDArray[np.integer]
+
+    def __post_init__(self) -> None:
+        for name in ("law", "joint", "input_joint", "input_parameter"):
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=np.int32))

@@ -1,4 +1,4 @@
-"""Simulated motion of an arm under recorded commands, and its derivatives by the parameters."""
+"""SimulatedRun motion of an arm under recorded commands, and its derivatives by the parameters."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid import kernel
 from armid.checked_array import Array
@@ -20,8 +21,8 @@ than 0.1 mrad."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Simulated:
-    """Simulated motion of one run.
+class SimulatedRun:
+    """SimulatedRun motion of one run.
 
     Attributes:
         q: Positions at the samples of the run, shape (N, n) [rad or m].
@@ -45,7 +46,7 @@ def columns_of(model: ServoModel) -> dict[str, slice]:
 
 def simulate(
     model: ServoModel, parameters: ServoParameters, runs: Sequence[ServoRun], *, derivatives: bool = False
-) -> tuple[Simulated, ...]:
+) -> tuple[SimulatedRun, ...]:
     """Simulates the motion of each run from its first position, under its commands.
 
     Runs with the same step are simulated side by side.
@@ -56,7 +57,7 @@ def simulate(
         runs: Commands and the initial state.
         derivatives: True if the derivatives by all parameters are computed, too.
     """
-    found: dict[int, Simulated] = {}
+    found: dict[int, SimulatedRun] = {}
     for each in _side_by_side(runs):
         substeps = max(1, int(np.ceil(runs[each[0]].step / LONGEST_STEP)))
         step = runs[each[0]].step / substeps
@@ -75,7 +76,7 @@ def simulate(
             if derivatives:
                 state = of_q[states], of_dq[states]
                 jacobian = _jacobian(model, parameters, means, slopes, *state, step, substeps)
-            found[k] = Simulated(of_q[states][::substeps], jacobian, unsettled)
+            found[k] = SimulatedRun(of_q[states][::substeps], jacobian, unsettled)
     return tuple(found[k] for k in range(len(runs)))
 
 
@@ -106,7 +107,7 @@ def _jacobian(
     n, columns = model.n, columns_of(model)
     layout = make_layout(model.robot.tree, np.arange(10 * n), np.zeros(0, dtype=int), np.zeros(0, dtype=int))
 
-    def numbers(name: str) -> Array:
+    def numbers(name: str) -> NDArray[np.int_]:
         return np.arange(columns[name].start, columns[name].stop)
 
     wanted = RollOutParameters(

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.signal import butter, sosfiltfilt
 
@@ -63,7 +64,7 @@ class EquationErrorFit:
     offset: Array
 
     @property
-    def loaded(self) -> Array:
+    def loaded(self) -> NDArray[np.bool_]:
         """Mask of the joints whose load shows the stiffness, shape (n,)."""
         return self.compliance > SIGNIFICANT * self.deviation
 

@@ -80,7 +80,8 @@ def estimated_values(estimate: ServoEstimate, runs: list[ServoRun]) -> list[Esti
             share = float(estimate.fit.information[at])
             origin = _origin(share)
             reason = "" if origin == "identified" else _reason(field, load[joint])
-            found.append(EstimatedValue(kind, joint, float(value), *map(float, ends), share, origin, reason))
+            low, high = float(ends[0]), float(ends[1])
+            found.append(EstimatedValue(kind, joint, float(value), low, high, share, origin, reason))
     return sorted(found, key=lambda each: each.joint)
 
 

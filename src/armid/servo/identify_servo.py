@@ -24,8 +24,8 @@ FRICTION = 1.5
 values that were never measured."""
 
 STIFFNESS = 1.0
-"""Prior deviation of the logarithm of a stiffness that the description states: models in use of the same arm differ by
-a factor of two and more."""
+"""Prior deviation of the logarithm of a stiffness that the description states: models in use of the same arm differ
+by a factor of two and more."""
 
 UNKNOWN_STIFFNESS = 2.0
 """Prior deviation of the logarithm of a stiffness of which nothing is known but its order of magnitude."""
@@ -103,7 +103,7 @@ def identify_servo(
             "links are the only known load.",
             remedy="use a description with masses; estimates from CAD are good enough.",
         )
-    tell = progress or (lambda stage, share: None)
+    tell = progress or _silent
     tell("first estimate", 0.0)
     known = _known_stiffness(model, options)
     first = fit_equation_error(model.robot.tree, bodies, runs, known)
@@ -124,6 +124,11 @@ def identify_servo(
     parameters = fit.parameters if refined else unknowns.mean
     training = closed_loop_error(model, parameters, runs)
     return ServoEstimate(model, unknowns, first, fit, parameters, refined, left_out, training)
+
+
+def _silent(stage: str, share: float) -> None:
+    """Progress that nobody is told."""
+    del stage, share
 
 
 def _known_stiffness(model: ServoModel, options: ServoOptions) -> Array | None:

@@ -1,4 +1,4 @@
-"""What is known of servos before their identification."""
+"""Prior knowledge of servos."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ usual difference between CAD and a built link."""
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ServoOptions:
-    """What is known of the servos beforehand.
+    """Prior knowledge of the servos of an arm.
 
     Attributes:
         stiffness: Stiffness of each joint, shape (n,) [N·m/rad or N/m]; `None` if it is not stated.

@@ -10,7 +10,7 @@ import numpy as np
 from armid.checked_array import Array, array
 from armid.errors import ModelError
 from armid.kernel import LawPrograms, ServoJoints
-from armid.model.law_programs import law_programs
+from armid.model.terms.law_programs import law_programs
 from armid.model.terms.term import Law, Term
 from armid.robot.robot import Robot
 
@@ -57,11 +57,13 @@ class ServoModel:
     Attributes:
         robot: The arm.
         laws: Friction laws.
+        terms: Name of the term of each law.
         programs: The laws as programs of the roll-out.
     """
 
     robot: Robot
     laws: tuple[Law, ...]
+    terms: tuple[str, ...]
     programs: LawPrograms
 
     @property
@@ -92,14 +94,15 @@ def make_servo_model(robot: Robot, terms: Sequence[Term]) -> ServoModel:
     Raises:
         ModelError: A law depends on more than position and velocity, or its parameter may be negative.
     """
-    laws = tuple(sorted((law for term in terms for law in term.laws(robot)), key=lambda law: law.joint))
+    named = sorted(((term.name, law) for term in terms for law in term.laws(robot)), key=lambda each: each[1].joint)
+    laws = tuple(law for _, law in named)
     for law in laws:
         if not law.nonnegative:
             raise ModelError(
                 f"The parameter {law.symbol}_{law.joint + 1} may be negative; friction of a servo must not drive it.",
                 remedy="use terms such as viscous, coulomb and stribeck.",
             )
-    return ServoModel(robot, laws, law_programs(laws))
+    return ServoModel(robot, laws, tuple(name for name, _ in named), law_programs(laws))
 
 
 def described_parameters(model: ServoModel) -> ServoParameters | None:
@@ -111,10 +114,9 @@ def described_parameters(model: ServoModel) -> ServoParameters | None:
     bodies, servos = robot.inertial_vector, [joint.drive.servo for joint in robot.joints]
     if bodies is None or any(servo is None for servo in servos):
         return None
-    of_law = {"FV": "viscous", "FS": "coulomb"}
+    # The fields of a described drive have the names of the terms.
     friction = [
-        getattr(robot.joints[law.joint].drive, of_law[law.symbol]) if law.symbol in of_law else 0.0
-        for law in model.laws
+        getattr(robot.joints[law.joint].drive, name, 0.0) for name, law in zip(model.terms, model.laws, strict=True)
     ]
     limits = [min(joint.effort_limit, np.inf) for joint in robot.joints]
     gains = [(servo.stiffness, servo.damping) for servo in servos if servo is not None]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.checked_array import Array, array
 from armid.errors import RecordingError
@@ -75,7 +75,8 @@ def _first_velocity(q: Array, step: float) -> Array:
     """Slope of the first samples, shape (n,)."""
     first = q[:VELOCITY_SAMPLES]
     t = step * (np.arange(len(first)) - 0.5 * (len(first) - 1))
-    return t @ first / max(float(t @ t), 1e-300)
+    slope: Array = t @ first / max(float(t @ t), 1e-300)
+    return slope
 
 
 def servo_runs(recording: Recording) -> tuple[ServoRun, ...]:
@@ -134,9 +135,8 @@ def _clock(recording: Recording) -> Array:
     return np.arange(recording.samples) / recording.rate
 
 
-def _consecutive(time: Array, use: Sequence[bool] | Array) -> list[slice]:
+def _consecutive(time: Array, use: NDArray[np.bool_]) -> list[slice]:
     """Slices of consecutive used rows without a gap or a step back in time."""
-    use = np.asarray(use, dtype=bool)
     steps = np.diff(time)
     typical = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     joined = use[1:] & use[:-1] & (steps > 0.0) & (steps <= GAP_STEPS * typical)

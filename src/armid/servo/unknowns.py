@@ -52,7 +52,7 @@ class Unknowns:
     def __init__(self, model: ServoModel, mean: ServoParameters, deviations: PriorDeviations) -> None:
         self.model, self.mean, self.deviations = model, mean, deviations
         positive = pseudo_inertia(mean.inertial)
-        self._factors: Array = np.linalg.cholesky(positive + 1e-12 * np.eye(4))
+        self._factors: Array = np.asarray(np.linalg.cholesky(positive + 1e-12 * np.eye(4)), dtype=np.float64)
         columns, fields = columns_of(model), (*LOGARITHMIC, *ADDITIVE)
         self._sizes = {name: columns[name].stop - columns[name].start for name in fields}
         given = np.concatenate([getattr(deviations, name) for name in fields])

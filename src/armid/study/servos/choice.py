@@ -10,6 +10,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import StudyError
+from armid.model.terms import Coulomb, Viscous
 from armid.robot import Robot
 from armid.servo.options import BODIES, ServoOptions
 
@@ -19,7 +20,7 @@ PerJoint = float | Sequence[float] | None
 
 @dataclass(frozen=True, slots=True)
 class ServoChoice:
-    """What is known of position servos whose commands a log contains.
+    """Prior knowledge of position servos whose commands a log contains.
 
     A servo gives the torque K (c - q - b) - D q̇ for the command c; it is limited. Lists have one value for each
     joint.
@@ -40,7 +41,7 @@ class ServoChoice:
     limit: PerJoint = None
     delay: float = 0.0
     link_deviation: float = BODIES
-    terms: tuple[str, ...] = ("viscous", "coulomb")
+    terms: tuple[str, ...] = (Viscous.name, Coulomb.name)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "terms", tuple(self.terms))

@@ -8,8 +8,9 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from armid.export.formats.mjcf import write
+from armid.export.formats.mjcf import PLACES, write
 from armid.export.types import Content, text_of
+from armid.model.terms import RotorInertia
 from armid.robot.robot import InertialParameters
 from armid.servo.parameters import ServoModel, ServoParameters
 
@@ -32,14 +33,13 @@ def servo_mjcf(model: ServoModel, parameters: ServoParameters) -> bytes:
         replace(link, inertial=InertialParameters.from_vector(vector))
         for link, vector in zip(robot.links, parameters.inertial, strict=True)
     ]
-    terms = {"FV": "viscous", "FS": "coulomb"}
     joints: dict[str, dict[str, float]] = {
-        joint.name: {"rotor-inertia": float(rotor)}
+        joint.name: {RotorInertia.name: float(rotor)}
         for joint, rotor in zip(robot.joints, parameters.rotor_inertia, strict=True)
     }
-    for law, value in zip(model.laws, parameters.friction, strict=True):
-        if law.symbol in terms:
-            joints[robot.joints[law.joint].name][terms[law.symbol]] = float(value)
+    for name, law, value in zip(model.terms, model.laws, parameters.friction, strict=True):
+        if name in PLACES:
+            joints[robot.joints[law.joint].name][name] = float(value)
     text = write(Content(replace(robot, links=links), joints)).data.decode()
     option = f'  <option timestep="{TIMESTEP:g}" integrator="implicitfast"/>\n'
     option += f"  <default>\n    <joint {DRY}/>\n  </default>\n"

@@ -61,7 +61,7 @@ def servo(
         armid servo go2.xml stand.csv --lock base --stiffness 20 --damping 1.5
     """
     from armid.cli.console import print_findings, progress
-    from armid.cli.servo_result import print_servo_result
+    from armid.cli.servos.servo_result import print_servo_result
     from armid.study.servos.identification import identify_servo_study
     from armid.study.servos.record import servo_record
     from armid.study.storage.records import to_json
@@ -141,7 +141,7 @@ def _refuse(folder: Path) -> None:
 
 def _save(result: ServoResult, folder: Path) -> None:
     """Write the folder: the record, and an MJCF with actuators."""
-    from armid.export.servo_mjcf import servo_mjcf
+    from armid.export.servos.mjcf_actuators import servo_mjcf
     from armid.study.servos.record import servo_record
     from armid.study.storage.atomic_folder import whole_folder
     from armid.study.storage.records import to_json

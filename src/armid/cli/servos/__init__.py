@@ -1,0 +1,1 @@
+"""Command for arms whose logs have commands and no torque."""
