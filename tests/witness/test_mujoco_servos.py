@@ -46,8 +46,8 @@ ARM = """
 """
 
 SAME = 2e-4
-"""Largest difference [rad or m] from MuJoCo's motion, extrapolated to steps of zero, because its integration is of first
-order. What is left is of second order, and its dry friction is a soft constraint."""
+"""Largest difference [rad or m] from MuJoCo's motion, extrapolated to steps of zero, because its integration is of
+first order. What is left is of second order, and its dry friction is a soft constraint."""
 
 
 def simulated(path, text: str, command, step: float, each: int):

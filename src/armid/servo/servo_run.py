@@ -75,8 +75,7 @@ def _first_velocity(q: Array, step: float) -> Array:
     """Slope of the first samples, shape (n,)."""
     first = q[:VELOCITY_SAMPLES]
     t = step * (np.arange(len(first)) - 0.5 * (len(first) - 1))
-    slope: Array = t @ first / max(float(t @ t), 1e-300)
-    return slope
+    return np.asarray(t @ first / max(float(t @ t), 1e-300), dtype=np.float64)
 
 
 def servo_runs(recording: Recording) -> tuple[ServoRun, ...]:
@@ -95,11 +94,8 @@ def servo_runs(recording: Recording) -> tuple[ServoRun, ...]:
             source=recording.source,
         )
     time = _clock(recording)
-    use = (
-        recording.valid.all(axis=1)
-        & np.isfinite(recording.q).all(axis=1)
-        & np.isfinite(recording.command).all(axis=1)
-    )
+    finite = np.isfinite(recording.q) & np.isfinite(recording.command)
+    use = np.asarray((recording.valid & finite).all(axis=1), dtype=np.bool_)
     found: list[ServoRun] = []
     for rows in _consecutive(time, use):
         t = time[rows]

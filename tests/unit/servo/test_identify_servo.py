@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -77,9 +79,7 @@ def test_known_gains_stay(identified):
 
 
 def test_a_description_without_masses_is_refused(identified):
-    from dataclasses import replace
-
-    _, estimate, train, _ = identified[0]
+    _, _, train, _ = identified[0]
     robot = small_arm()
     empty = replace(robot, links=[replace(link, inertial=None) for link in robot.links])
     with pytest.raises(EstimationError, match="gives no mass"):

@@ -12,7 +12,7 @@ from armid.servo.unknowns import PriorDeviations, Unknowns
 from servo_labs import any_parameters, recorded, servo_model, small_arm
 
 SLOPE = 2e-3
-"""Of a derivative by differences, relative to the largest: it jumps where a joint starts to slide one step earlier."""
+"""Of a derivative by differences, relative to the largest; it jumps where a joint starts to slide a step earlier."""
 
 
 def unknowns_of(model, mean) -> Unknowns:
