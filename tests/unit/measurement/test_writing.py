@@ -41,6 +41,17 @@ def test_a_recording_comes_back(tmp_path: Path, suffix: str):
     assert found.sha256 and [path.name for path in tmp_path.iterdir()] == [f"log{suffix}"]
 
 
+@pytest.mark.parametrize("with_effort", [True, False])
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_a_command_comes_back(tmp_path: Path, suffix: str, with_effort: bool):
+    given = recording()
+    given = replace(given, command=given.q + 0.25, effort=given.effort if with_effort else None)
+    found = load_recording(save_recording(given, tmp_path / f"log{suffix}"))
+    for name in ("q", "dq", "command", *(["effort"] if with_effort else [])):
+        np.testing.assert_array_equal(getattr(found, name), getattr(given, name))
+    assert (found.effort is not None) == with_effort
+
+
 @pytest.mark.parametrize("suffix", WRITERS)
 def test_without_clock_and_velocity(tmp_path: Path, suffix: str):
     given = replace(recording(), time=None, dq=None, rate=100.0)
