@@ -28,6 +28,15 @@ def write_mat(path: Path) -> Path:
     return path
 
 
+def write_hdf5(path: Path) -> Path:
+    import h5py
+
+    with h5py.File(path, "w") as file:
+        for name, values in TABLE.items():
+            file[name] = values
+    return path
+
+
 def bag(suffix: str) -> Callable[[Path], Path]:
     return lambda folder: write_bag(folder, suffix, {"/joint_states": [message(i) for i in range(N)]})
 
@@ -45,6 +54,8 @@ WRITERS: dict[str, Callable[[Path], Path]] = {
     ".pq": lambda folder: write_parquet(folder / "run.pq"),
     ".npz": lambda folder: write_npz(folder / "run.npz"),
     ".mat": lambda folder: write_mat(folder / "run.mat"),
+    ".hdf5": lambda folder: write_hdf5(folder / "run.hdf5"),
+    ".h5": lambda folder: write_hdf5(folder / "run.h5"),
     ".bag": bag(".bag"),
     ".db3": bag(".db3"),
     ".mcap": bag(".mcap"),

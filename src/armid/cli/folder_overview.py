@@ -70,8 +70,9 @@ def _steps(folder: Path) -> tuple[tuple[str, str], ...]:
 
 
 def _logs(folder: Path, files: Sequence[str]) -> list[str]:
-    """Names of the recordings in a folder: files with a clear suffix, files with an ambiguous one, then ROS bags."""
+    """Names of the recordings in a folder: files with a clear suffix, files with an ambiguous one, then folders."""
     known = [name for name in files if name.lower().endswith(recording_endings())]
     ambiguous = tuple(suffix for each in READERS.values() for suffix in each.ambiguous)
-    bags = sorted(path.parent.name for path in folder.glob("*/metadata.yaml"))
-    return [*sorted(known, key=lambda name: name.lower().endswith(ambiguous)), *bags]
+    marks = ["metadata.yaml", *(each.folder[0] for each in READERS.values() if each.folder)]
+    folders = sorted({path.relative_to(folder).parts[0] for mark in marks for path in folder.glob(f"*/{mark}")})
+    return [*sorted(known, key=lambda name: name.lower().endswith(ambiguous)), *folders]

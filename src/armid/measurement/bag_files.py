@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from armid.errors import MissingExtraError, RecordingError
-from armid.hashes import digest, sha256_of_file
 from armid.input_boundary import most_unpacked, within_unpacked
 from armid.measurement.catalogue import READERS
 
@@ -108,11 +107,3 @@ def data_files(folder: Path) -> list[Path]:
         for file in folder.iterdir()
         if file.is_file() and file.name.lower().removesuffix(COMPRESSED).endswith(STORAGE)
     )
-
-
-def sha256_of_recording(path: Path) -> str:
-    """SHA-256, in hexadecimal digits, of a file or of all message files of a bag folder."""
-    if not path.is_dir():
-        return sha256_of_file(path)
-    digests = [sha256_of_file(file) for file in data_files(path)]
-    return digests[0] if len(digests) == 1 else digest(*digests)

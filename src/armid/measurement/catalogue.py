@@ -39,7 +39,8 @@ class RecordingFormat:
         repair: What to do if a file is damaged.
         packings: Suffixes that are added to one of `suffixes` in the names of compressed files.
         ambiguous: Members of `suffixes` that are also usual for files that are not recordings.
-        has_folders: True if a folder is a recording of this format.
+        folder: Patterns of the files of a folder that is a recording of this format. A folder with a file of the
+            first pattern has this format; a folder without such a file of any format counts as a bag.
     """
 
     module: str
@@ -48,7 +49,7 @@ class RecordingFormat:
     repair: str = "copy the file again, because it may be damaged."
     packings: tuple[str, ...] = ()
     ambiguous: tuple[str, ...] = ()
-    has_folders: bool = False
+    folder: tuple[str, ...] = ()
 
     @property
     def packed(self) -> tuple[str, ...]:
@@ -96,13 +97,32 @@ READERS: Catalogue[RecordingFormat] = Catalogue(
             "a bag",
             "copy it again, or repair it (rosbag reindex, ros2 bag reindex).",
             packings=(".zstd",),
-            has_folders=True,
         ),
         "excel": RecordingFormat(
             "armid.measurement.readers.excel",
             (".xlsx", ".xlsm"),
             "a workbook",
             "copy the file again, or export the sheet as CSV.",
+        ),
+        "hdf5": RecordingFormat(
+            "armid.measurement.readers.hdf5",
+            (".hdf5", ".h5"),
+            "HDF5",
+            "copy the file again, because its end may be missing.",
+        ),
+        "lerobot": RecordingFormat(
+            "armid.measurement.readers.lerobot",
+            (),
+            "a LeRobot data set",
+            "copy the folder again.",
+            folder=("meta/info.json", "data/*/*.parquet"),
+        ),
+        "sage": RecordingFormat(
+            "armid.measurement.readers.sage",
+            (),
+            "a folder of SAGE",
+            "copy the folder again.",
+            folder=("state_motor.csv", "control.csv", "joint_list.txt", "event.csv"),
         ),
     }
 )

@@ -17,6 +17,10 @@ from armid.measurement.columns.joint_assignment import LISTED
 from armid.measurement.columns.joint_name_comparison import comparison
 
 FIELDS = ("position", "velocity", "effort")
+"""Measured values of joints in messages."""
+
+COMMAND = "command"
+"""Key of the commanded positions, which only the messages of controllers have."""
 
 
 @dataclass(slots=True)
@@ -29,13 +33,14 @@ class Publisher:
         names: Names of the joints, in the order of the first message.
         stamps: Time in the header of each message [ns].
         received: Time at which the bag received each message [ns].
-        values: For each key (position, velocity, effort), the values in each message, in the order of `names`.
+        values: For each key (position, velocity, effort, command), the values in each message, in the order of
+            `names`.
     """
 
     names: tuple[str, ...]
     stamps: list[int] = field(default_factory=list[int])
     received: list[int] = field(default_factory=list[int])
-    values: dict[str, list[Any]] = field(default_factory=lambda: {name: [] for name in FIELDS})
+    values: dict[str, list[Any]] = field(default_factory=lambda: {name: [] for name in (*FIELDS, COMMAND)})
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -45,7 +50,7 @@ class JointStates:
     Attributes:
         names: Names of the joints.
         time: Times of the states, from the stamps in the headers or from the reception, shape (N,) [ns].
-        values: Position, velocity and effort, shape (N, n) each, if they were published.
+        values: Position, velocity, effort and command, shape (N, n) each, if they were published.
         clocked: True if `time` contains the stamps in the headers, false if it contains times of reception.
         findings: Findings about the messages.
     """
@@ -66,7 +71,7 @@ def collect(
         publishers: Earlier messages, by the set of joints that they contain; changed in place.
         names: Joints of the message.
         at: Time stamp in the header and time of reception [ns].
-        values: Values in the message, by key (position, velocity, effort).
+        values: Values in the message, by key (position, velocity, effort and, if it is there, command).
     """
     names = tuple(names)
     publisher = publishers.get(frozenset(names))
@@ -76,7 +81,7 @@ def collect(
     publisher.stamps.append(at[0])
     publisher.received.append(at[1])
     for name, target in publisher.values.items():
-        each = values[name]
+        each = values.get(name, ())
         target.append(each[order] if order is not None and len(each) == len(names) else each)
 
 
@@ -159,7 +164,7 @@ def _chosen(filled: Sequence[Publisher], wanted: Sequence[str], path: Path, topi
 def _states(publisher: Publisher, path: Path, *, clocked: bool) -> JointStates:
     """Converts the messages of one publisher to arrays."""
     time = np.array(publisher.stamps if clocked else publisher.received, dtype=np.int64)
-    stacked = {name: _stack(publisher.values[name], publisher.names, name, path) for name in FIELDS}
+    stacked = {name: _stack(publisher.values[name], publisher.names, name, path) for name in (*FIELDS, COMMAND)}
     return JointStates(publisher.names, time, {name: each for name, each in stacked.items() if each is not None})
 
 
@@ -167,6 +172,8 @@ def _stack(rows: Sequence[Any], names: tuple[str, ...], name: str, path: Path) -
     """Values of one field in all messages, shape (N, n); `None` if the field is empty in all messages."""
     n = len(names)
     lengths = {len(row) for row in rows}
+    if name == COMMAND and lengths == {0, n}:  # a controller has no reference before its first goal
+        rows, lengths = [row if len(row) else np.full(n, np.nan) for row in rows], {n}
     if lengths == {0}:
         return None
     if lengths == {n}:

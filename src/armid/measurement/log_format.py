@@ -106,6 +106,8 @@ class LogFormat:
         period: Period of the motion [s], or `none` if the motion does not repeat; detected from the positions if not
             given.
         start: Start of the first period on the recording's clock [s].
+        calibration: Calibration file of a LeRobot robot (JSON), which converts normalised positions of a LeRobot data
+            set to angles. It is looked for in the folder of the data set and in the folders above it.
         spikes: With `keep`, spikes are used like other samples. If not given, they are left out. Spikes are isolated
             samples of positions, velocities and torques that no arm can produce, such as zeros of a lost packet.
     """
@@ -129,6 +131,7 @@ class LogFormat:
     exclude: Sequence[Sequence[float]] = ()
     period: float | Literal["none"] | None = None
     start: float | None = None
+    calibration: str | None = None
     spikes: Literal["keep"] | None = None
 
     def __post_init__(self) -> None:
@@ -141,6 +144,8 @@ class LogFormat:
         if self.consecutive not in (None, True, False):
             raise _wrong("consecutive", self.consecutive, "true, false, or nothing for detection")
         _set(self, "units", _units(self.units))
+        if self.calibration is not None and type(self.calibration) is not str:
+            raise _wrong("calibration", self.calibration, "the path of a JSON file")
         if self.spikes not in (None, "keep"):
             raise _wrong("spikes", self.spikes, "keep, or nothing to leave them out")
         if self.preset is not None and self.preset not in PRESETS:

@@ -116,12 +116,57 @@ def table_of(text: str, path: Path) -> TextTable:
     return TextTable(tuple(names), rows, numbers, delimiter, findings)
 
 
+def lists_of(table: TextTable) -> tuple[str, ...]:
+    """Names of the columns with lists in their fields, such as `[0.1, 0.2]`, according to the first row."""
+    first = table.fields(0)
+    return tuple(name for name, cell in zip(table.names, first, strict=True) if cell.strip(' "').startswith("["))
+
+
 def numbers_of(table: TextTable, wanted: Sequence[str], path: Path) -> dict[str, Array]:
-    """Converts the wanted columns of a text table to numbers, shape (N,) each, by name; an empty field becomes NaN.
+    """Converts the wanted columns of a text table to numbers, by name; an empty field becomes NaN.
+
+    A column has the shape (N,), a column of lists with n numbers each the shape (N, n).
 
     Raises:
-        RecordingError: A field is not a number, or two columns have the same name.
+        RecordingError: A field is not a number, two columns have the same name, or lists differ in length.
     """
+    lists = [name for name in wanted if name in lists_of(table)]
+    return _plain_numbers(table, [name for name in wanted if name not in lists], path) | _lists(table, lists, path)
+
+
+def _lists(table: TextTable, wanted: Sequence[str], path: Path) -> dict[str, Array]:
+    """Converts columns of lists to matrices of shape (N, n)."""
+    if not wanted:
+        return {}
+    at = {name: table.names.index(name) for name in wanted}
+    rows: dict[str, list[list[str]]] = {name: [] for name in wanted}
+    for k in range(len(table.rows)):
+        fields = table.fields(k)
+        for name, index in at.items():
+            cells = fields[index].strip(' "[]').replace(",", " ").split()
+            if len(cells) != len(rows[name][0] if rows[name] else cells):
+                raise RecordingError(
+                    f"{path}, line {table.numbers[k] + 1}: {name} has {plural(len(cells), 'number')}, but "
+                    f"{len(rows[name][0])} in the first row.",
+                    remedy="correct or remove this line; each list must have one number for each joint.",
+                )
+            rows[name].append(cells)
+    result: dict[str, Array] = {}
+    for name, cells in rows.items():
+        try:
+            result[name] = np.array(cells, dtype=np.float64)
+        except ValueError:
+            k = next(k for k, row in enumerate(cells) if not all(map(is_number, row)))
+            raise RecordingError(
+                f"{path}, line {table.numbers[k] + 1}: {name} is {', '.join(cells[k])!r:.80}, which is not a list of "
+                "numbers.",
+                remedy="correct or remove this line.",
+            ) from None
+    return result
+
+
+def _plain_numbers(table: TextTable, wanted: Sequence[str], path: Path) -> dict[str, Array]:
+    """Converts columns of single numbers, shape (N,) each, by name; an empty field becomes NaN."""
     for name in wanted:
         if table.names.count(name) > 1:
             raise RecordingError(

@@ -14,6 +14,7 @@ import numpy as np
 from armid.atomic_file import replace_file
 from armid.checked_array import Array
 from armid.errors import MissingExtraError, OutputError
+from armid.measurement.readers.bag import CONTROLLER, DEFINITIONS, JOINT_STATE
 from armid.measurement.recording import Recording
 
 EXTRA = "io"
@@ -24,7 +25,10 @@ EPOCH = 1_600_000_000
 """Time stamp in a bag of a sample at time 0 [s]; it is not zero, because a stamp of zero means that there is no
 clock."""
 
-JOINT_STATE = "sensor_msgs/msg/JointState"
+FIRST_DEFINITION = "std_msgs/Header header\nstring[] joint_names\n" + "".join(
+    f"trajectory_msgs/JointTrajectoryPoint {name}\n" for name in ("desired", "actual", "error")
+)
+"""Definition of the message of a controller in ROS 1."""
 
 FLOAT = "%.17g"
 """Format of numbers in text tables, with full precision, so that every bit is reproduced."""
@@ -105,16 +109,23 @@ def _parquet(recording: Recording) -> bytes:
 
 
 def _bag(recording: Recording, suffix: str) -> bytes:
-    """Bag of `sensor_msgs/JointState` on `/joint_states`: `.bag` of ROS 1, `.db3` or `.mcap` of ROS 2."""
+    """Bag of joint states: `.bag` of ROS 1, `.db3` or `.mcap` of ROS 2.
+
+    The messages are `sensor_msgs/JointState` on `/joint_states` or, if there is a command,
+    `control_msgs/JointTrajectoryControllerState` on `/controller_state`, whose definition is written into the bag.
+    """
     try:
         from rosbags.rosbag1 import Writer as FirstWriter
         from rosbags.rosbag2 import StoragePlugin, Writer
-        from rosbags.typesys import Stores, get_typestore
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError as error:
         raise MissingExtraError("rosbags", "Writing ROS bags", EXTRA) from error
     first = suffix == ".bag"
     store = get_typestore(Stores.ROS1_NOETIC if first else Stores.ROS2_JAZZY)
     serialize = store.serialize_ros1 if first else store.serialize_cdr
+    topic, kind = ("/joint_states", JOINT_STATE) if recording.command is None else ("/controller_state", CONTROLLER)
+    if kind == CONTROLLER:
+        store.register(get_types_from_msg(FIRST_DEFINITION if first else DEFINITIONS[kind], kind))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"bag{suffix if first else ''}"
         if first:
@@ -123,20 +134,18 @@ def _bag(recording: Recording, suffix: str) -> bytes:
             plugin = StoragePlugin.MCAP if suffix == ".mcap" else StoragePlugin.SQLITE3
             made = Writer(path, version=9, storage_plugin=plugin)
         with made as writer:
-            topic = writer.add_connection("/joint_states", JOINT_STATE, typestore=store)
-            for at, message in _joint_states(recording, store.types, first):
-                writer.write(topic, at, bytes(serialize(message, JOINT_STATE)))
+            connection = writer.add_connection(topic, kind, typestore=store)
+            for at, message in _messages(recording, store.types, first):
+                writer.write(connection, at, bytes(serialize(message, kind)))
         return (path if first else next(path.glob(f"*{suffix}"))).read_bytes()
 
 
-def _joint_states(recording: Recording, types: Mapping[str, Any], first: bool) -> Iterator[tuple[int, Any]]:
+def _messages(recording: Recording, types: Mapping[str, Any], first: bool) -> Iterator[tuple[int, Any]]:
     """Yields time of reception [ns] and message for each row of a recording.
 
     Only messages of ROS 1 (`first`) are numbered in their headers.
     """
-    state, header, stamp = (
-        types[name] for name in (JOINT_STATE, "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
-    )
+    header, stamp = types["std_msgs/msg/Header"], types["builtin_interfaces/msg/Time"]
     empty = np.zeros((recording.samples, 0))
     velocity = empty if recording.dq is None else recording.dq
     effort = empty if recording.effort is None else recording.effort
@@ -147,7 +156,34 @@ def _joint_states(recording: Recording, types: Mapping[str, Any], first: bool) -
         stamped = 0 if recording.time is None else at
         counted = {"seq": k} if first else {}
         head = header(stamp=stamp(sec=stamped // 10**9, nanosec=stamped % 10**9), frame_id="", **counted)
-        yield at, state(header=head, name=names, position=recording.q[k], velocity=velocity[k], effort=effort[k])
+        values = recording.q[k], velocity[k], effort[k]
+        if recording.command is None:
+            state = types[JOINT_STATE](head, names, *values)
+        else:
+            state = _controller_state(types, head, names, recording.command[k], values, first)
+        yield at, state
+
+
+def _controller_state(
+    types: Mapping[str, Any],
+    header: Any,
+    names: list[str],
+    command: Array,
+    measured: tuple[Array, Array, Array],
+    first: bool,
+) -> Any:
+    """Message of a controller with a commanded position and measured position, velocity and effort."""
+    at_once = types["builtin_interfaces/msg/Duration"](sec=0, nanosec=0)
+    none = np.zeros(0)
+
+    def point(position: Array, velocity: Array, effort: Array) -> Any:
+        return types["trajectory_msgs/msg/JointTrajectoryPoint"](position, velocity, none, effort, at_once)
+
+    points = [point(command, none, none), point(*measured), point(none, none, none)]
+    if first:
+        return types[CONTROLLER](header, names, *points)
+    other = types["trajectory_msgs/msg/MultiDOFJointTrajectoryPoint"]([], [], [], at_once)
+    return types[CONTROLLER](header, names, *points, points[-1], [], other, other, other, other)
 
 
 WRITERS: Mapping[str, Callable[[Recording], bytes]] = {

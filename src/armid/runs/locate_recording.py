@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from armid.errors import ArmidError
-from armid.measurement.bag_files import sha256_of_recording
 from armid.measurement.recording import Recording
+from armid.measurement.recording_paths import recording_exists, sha256_of_recording, split_episode
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
 from armid.study.demo import MOTIONS, demo_recordings
@@ -81,8 +81,9 @@ def _places(path: Path, folder: Path, data: Path | None) -> Iterator[Path]:
         data: Folder that is searched first.
     """
     likely = [] if data is None else [data / path, data / path.name]
-    yield from (place for place in likely if place.exists())
+    yield from (place for place in likely if recording_exists(place))
     if data is not None and data.is_dir():
-        yield from sorted(place for place in data.rglob(path.name) if place.exists())
+        files = data.rglob(split_episode(path)[0].name)
+        yield from sorted(each.with_name(path.name) for each in files if recording_exists(each.with_name(path.name)))
     # Or in the working folder, where all of it was moved.
-    yield from (place for place in (folder / path, folder / path.name, path) if place.exists())
+    yield from (place for place in (folder / path, folder / path.name, path) if recording_exists(place))

@@ -8,10 +8,10 @@ import pytest
 
 from armid.errors import RecordingError
 from armid.hashes import sha256_of_file
-from armid.measurement.bag_files import sha256_of_recording
 from armid.measurement.convention_conversion import to_robot_convention
 from armid.measurement.log_format import LogFormat
 from armid.measurement.readers import load_recording
+from armid.measurement.recording_paths import sha256_of_recording
 from armid.robot.robot import Frame, Joint, Link, Robot
 from recordings import JOINT_STATE, joint_state, message, ros_types, write_bag, write_bag_folder
 

@@ -41,6 +41,17 @@ def test_a_recording_comes_back(tmp_path: Path, suffix: str):
     assert found.sha256 and [path.name for path in tmp_path.iterdir()] == [f"log{suffix}"]
 
 
+@pytest.mark.parametrize("with_effort", [True, False])
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_a_command_comes_back(tmp_path: Path, suffix: str, with_effort: bool):
+    given = recording()
+    given = replace(given, command=given.q + 0.25, effort=given.effort if with_effort else None)
+    found = load_recording(save_recording(given, tmp_path / f"log{suffix}"))
+    for name in ("q", "dq", "command", *(["effort"] if with_effort else [])):
+        np.testing.assert_array_equal(getattr(found, name), getattr(given, name))
+    assert (found.effort is not None) == with_effort
+
+
 @pytest.mark.parametrize("suffix", WRITERS)
 def test_without_clock_and_velocity(tmp_path: Path, suffix: str):
     given = replace(recording(), time=None, dq=None, rate=100.0)
@@ -50,9 +61,9 @@ def test_without_clock_and_velocity(tmp_path: Path, suffix: str):
 
 
 def test_every_format_that_programs_record_can_be_written():
-    by_people = {"excel"}
+    by_others = {"excel", "hdf5", "lerobot", "sage"}  # made by people, or by programs that record whole folders
     assert WRITERS.keys() <= set(recording_suffixes())
-    assert {name for name, each in READERS.items() if not WRITERS.keys() & set(each.suffixes)} == by_people
+    assert {name for name, each in READERS.items() if not WRITERS.keys() & set(each.suffixes)} == by_others
 
 
 def test_other_formats_are_refused(tmp_path: Path):

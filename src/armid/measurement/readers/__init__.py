@@ -7,10 +7,10 @@ from pathlib import Path
 
 from armid.errors import RecordingError
 from armid.input_boundary import boundary, within
-from armid.measurement.bag_files import sha256_of_recording
 from armid.measurement.catalogue import READERS, RecordingFormat, recording_suffixes
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
+from armid.measurement.recording_paths import format_of_folder, sha256_of_recording, split_episode
 from armid.robot.robot import Robot
 
 __all__ = ["load_recording"]
@@ -20,7 +20,8 @@ def load_recording(path: Path | str, log_format: LogFormat | None = None, robot:
     """Reads a recording without conversion; `to_robot_convention` converts it to the convention of the robot.
 
     Args:
-        path: File, whose suffix determines the format, or the folder of a ROS bag.
+        path: File, whose suffix determines the format, or folder of a ROS bag, a LeRobot data set or SAGE; the name
+            of the data set followed by `#3` is its episode 3.
         log_format: Log format of the file.
         robot: The arm; its joint names are used to select columns, topic and messages.
 
@@ -39,8 +40,9 @@ def load_recording(path: Path | str, log_format: LogFormat | None = None, robot:
 
 def _format(path: Path) -> RecordingFormat:
     """Format of the recording at a path, determined by its suffix; raises an error if the file cannot be read."""
-    if path.is_dir():
-        return next(each for each in READERS.values() if each.has_folders)
+    folder, _ = split_episode(path)
+    if folder.is_dir():
+        return format_of_folder(folder)
     name = path.name.lower()
     known = next((each for each in READERS.values() if path.suffix.lower() in each.suffixes), None)
     found = known or next((each for each in READERS.values() if name.endswith(each.packed)), None)
@@ -49,7 +51,7 @@ def _format(path: Path) -> RecordingFormat:
         raise RecordingError(
             f"{path} has an unknown format.",
             possible=f"{', '.join(recording_suffixes())}; compressed text as .csv{', '.join(packings[:-1])} or "
-            f"{packings[-1]}; the folder of a ROS bag",
+            f"{packings[-1]}; the folder of a ROS bag, a LeRobot data set or SAGE",
             remedy="export the recording in one of these formats, or rename the file if its suffix does not match "
             "its format.",
         )

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from armid.checked_array import Array
 from armid.errors import Finding, MissingExtraError, RecordingError, did_you_mean
 from armid.measurement.bag_files import opened
-from armid.measurement.joint_states import FIELDS, JointStates, Publisher, collect, joined, names_of
+from armid.measurement.held_command import last_command, with_held_command
+from armid.measurement.joint_states import COMMAND, FIELDS, JointStates, Publisher, collect, joined, names_of
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
@@ -19,6 +23,8 @@ from armid.robot.robot import Robot
 EXTRA = "io"
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
+
+CONTROLLER = "control_msgs/msg/JointTrajectoryControllerState"
 
 COMMANDED = ("command", "cmd", "desired", "target", "reference", "setpoint", "goal")
 """Words in the names of topics whose values are commanded and not measured."""
@@ -28,7 +34,7 @@ DEFINITIONS = {
     "control_msgs/msg/InterfaceValue": "string[] interface_names\nfloat64[] values\n",
     "control_msgs/msg/DynamicJointState": "std_msgs/Header header\nstring[] joint_names\n"
     "control_msgs/InterfaceValue[] interface_values\n",
-    "control_msgs/msg/JointTrajectoryControllerState": "std_msgs/Header header\nstring[] joint_names\n"
+    CONTROLLER: "std_msgs/Header header\nstring[] joint_names\n"
     + "".join(f"{POINT} {name}\n" for name in ("reference", "feedback", "error", "output"))
     + "string[] multi_dof_joint_names\n"
     + "".join(
@@ -80,13 +86,13 @@ def _read_open(bag: Any, log_format: LogFormat, robot: Robot | None, path: Path)
         published |= {topic: _publishers(bag, topic, KINDS[kinds[topic]]) for topic in candidates}
         fitting = [topic for topic in candidates if robot and set(wanted) <= set(names_of(published[topic]))]
         if len(candidates) == 1 and (robot is None or fitting):
-            return _recording(joined(published[candidates[0]], wanted, spare, path, candidates[0]), log_format)
-        measured = [topic for topic in fitting if not any(word in topic.lower() for word in COMMANDED)] or fitting
+            states = joined(published[candidates[0]], wanted, spare, path, candidates[0])
+            return _with_command(_recording(states, log_format), states, wanted, bag, kinds, candidates[0])
+        measured = [topic for topic in fitting if not _is_commanded(topic)] or fitting
         if len(measured) == 1:
             states = joined(published[measured[0]], wanted, spare, path, measured[0])
-            return _recording(
-                states, log_format, _topic_finding(measured[0], [t for t in candidates if t not in measured])
-            )
+            chosen = _topic_finding(measured[0], [t for t in candidates if t not in measured])
+            return _with_command(_recording(states, log_format, chosen), states, wanted, bag, kinds, measured[0])
         if len(measured) > 1 or robot is None:
             raise _several(measured or candidates, path)
     if len(published) == 1:  # raises an error that names the missing joints
@@ -100,6 +106,11 @@ def _read_open(bag: Any, log_format: LogFormat, robot: Robot | None, path: Path)
         remedy="rename the joints with joints = { name in the recording = robot joint }, lock the joints that were "
         "not recorded, or publish all joints on one topic.",
     )
+
+
+def _is_commanded(topic: str) -> bool:
+    """Checks whether the name of a topic says that its values are commanded."""
+    return any(word in topic.lower() for word in COMMANDED)
 
 
 def _candidates(kinds: Mapping[str, str], log_format: LogFormat, path: Path) -> Iterable[list[str]]:
@@ -150,11 +161,74 @@ def _recording(states: JointStates, log_format: LogFormat, *findings: Finding) -
         q=states.values["position"],
         dq=states.values.get("velocity"),
         effort=states.values.get("effort"),
+        command=states.values.get(COMMAND),
         joint_names=states.names,
         rate=log_format.rate,
         consecutive=log_format.consecutive,
         findings=(*findings, *noticed),
     )
+
+
+def _with_command(
+    recording: Recording, states: JointStates, wanted: Sequence[str], bag: Any, kinds: Mapping[str, str], topic: str
+) -> Recording:
+    """Adds the command of other topics to a recording that has none, if they command all wanted joints.
+
+    The commands are the references of controllers or, without these, the positions on topics of joint states whose
+    name says that they are commanded. Each sample has the last command at or before it.
+
+    Args:
+        recording: Recording of the joint states on `topic`.
+        states: The joint states.
+        wanted: Joints that must have a command; all joints if there are none.
+        bag: The open bag.
+        kinds: Type of the messages on each topic.
+        topic: Topic of the joint states.
+    """
+    if recording.command is not None or recording.time is None:
+        return recording
+    others = sorted(other for other in kinds if other != topic)
+    controllers = [other for other in others if kinds[other] == CONTROLLER]
+    named = [other for other in others if kinds[other] == JOINT_STATE and _is_commanded(other)]
+    for topics, key in ((controllers, COMMAND), (named, "position")):
+        publishers = [each for other in topics for each in _publishers(bag, other, KINDS[kinds[other]])]
+        found = {name: _command_of(name, publishers, key, states) for name in states.names}
+        if not topics or any(found[name] is None for name in wanted or states.names):
+            continue
+        none = np.full(recording.samples, np.nan)
+        command = np.column_stack([none if (each := found[name]) is None else each[0] for name in states.names])
+        ages = np.column_stack([each[1] for each in found.values() if each is not None])
+        before, oldest = ages.min(axis=1) < 0, 1e-9 * float(ages.max(initial=0))
+        joined, finding = with_held_command(recording, command, before, oldest, ", ".join(topics))
+        return replace(joined, findings=(*joined.findings, finding))
+    return recording
+
+
+def _command_of(
+    name: str, publishers: Sequence[Publisher], key: str, states: JointStates
+) -> tuple[Array, NDArray[np.int64]] | None:
+    """Command of one joint at each sample (N,), and its age (N,) [ns], negative before the first command.
+
+    The result is `None` if no publisher has a value of the joint.
+
+    Args:
+        name: Name of the joint.
+        publishers: Publishers of commands.
+        key: Key of the commanded positions in their messages.
+        states: The joint states.
+    """
+    for publisher in publishers:
+        rows = [k for k, row in enumerate(publisher.values[key]) if name in publisher.names and len(row)]
+        if not rows:
+            continue
+        stamped = states.clocked and any(publisher.stamps)
+        given = np.array(publisher.stamps if stamped else publisher.received, dtype=np.int64)[rows]
+        order = np.argsort(given, kind="stable")
+        place = publisher.names.index(name)
+        values = np.array([publisher.values[key][rows[k]][place] for k in order], dtype=np.float64)
+        last, _ = last_command(states.time, given[order])
+        return values[last], states.time - given[order][last]
+    return None
 
 
 def _several(topics: Sequence[str], path: Path) -> RecordingError:
@@ -188,15 +262,21 @@ def _dynamic_joint_state(message: Any) -> Fields:
 
 
 def _controller_state(message: Any) -> Fields:
-    """Joint names and measured values in the message of a controller, from its field `feedback` (older: `actual`)."""
+    """Joint names, measured values and commanded positions in the message of a controller.
+
+    The fields are `feedback` and `reference`, in older versions `actual` and `desired`.
+    """
     point = getattr(message, "feedback", None) or message.actual
-    return message.joint_names, {"position": point.positions, "velocity": point.velocities, "effort": point.effort}
+    points = [getattr(message, name, None) for name in ("reference", "desired")]
+    command = next((each.positions for each in points if each is not None and len(each.positions)), ())
+    values = {"position": point.positions, "velocity": point.velocities, "effort": point.effort, COMMAND: command}
+    return message.joint_names, values
 
 
 KINDS: Mapping[str, Callable[[Any], Fields]] = {
     JOINT_STATE: _joint_state,
     "control_msgs/msg/DynamicJointState": _dynamic_joint_state,
-    "control_msgs/msg/JointTrajectoryControllerState": _controller_state,
+    CONTROLLER: _controller_state,
 }
 """For each message type with joint states, in order of preference: function that returns joint names and values."""
 

@@ -16,7 +16,7 @@ from armid.input_boundary import most_unpacked, within_unpacked
 from armid.measurement.columns.column_selection import assemble, select
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
-from armid.measurement.text_table import decoded, numbers_of, seconds_of, table_of
+from armid.measurement.text_table import decoded, lists_of, numbers_of, seconds_of, table_of
 from armid.robot.robot import Robot
 
 EXTRA = "io"
@@ -27,7 +27,8 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
 
     Lines that begin with `#`, `%` or `//` may precede the table. The last of these lines may be the header, and a
     line of units may follow the header. Times may be numbers, dates in the format of ISO 8601, or times of day. An
-    incomplete last row is left out, with the finding `row-incomplete`.
+    incomplete last row is left out, with the finding `row-incomplete`. A field may be a list with one number for each
+    joint, `"[0.1, 0.2]"`.
 
     Raises:
         RecordingError: There is no header, a row has a wrong number of fields, or a field is not a number. The
@@ -35,12 +36,13 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
         MissingExtraError: The file is compressed by zstd, but pyarrow is not installed.
     """
     table = table_of(decoded(_unpacked(path), path), path)
+    lists = lists_of(table)
 
     def values(name: str) -> Array:
-        dates = seconds_of(table, name, path)
+        dates = None if name in lists else seconds_of(table, name, path)
         return numbers_of(table, [name], path)[name] if dates is None else dates
 
-    selection = select(table.names, log_format, path, robot, values=values)
+    selection = select(table.names, log_format, path, robot, matrices=bool(lists), values=values)
     dates = seconds_of(table, selection.time[0], path) if len(selection.time) == 1 else None
     if dates is not None and (log_format.time_unit or selection.guessed.get("time_unit", 1.0)) != 1.0:
         raise RecordingError(

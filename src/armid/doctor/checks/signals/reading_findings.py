@@ -26,6 +26,8 @@ EFFECTS = {
     "effort-missing": "Without torque or current, no parameters can be identified.",
     "command-incomplete": "No effect on results from the effort; the command cannot be used.",
     "command-still": "A joint that only holds its position shows neither its inertia nor its friction.",
+    "command-held": "A command that is held longer than a sample is late by up to that time.",
+    "switched-off": "No harm: these states are left out, because no command acts on a drive that is switched off.",
     "command-possible": "The command cannot be used until its columns are named; nothing else changes.",
     "value-missing": "Nothing can be computed from a recording with missing values.",
     "description-rounded": "Angles that miss a multiple of 15° by rounding only would add base parameters that the "

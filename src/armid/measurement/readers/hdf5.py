@@ -1,0 +1,61 @@
+"""Reader of HDF5 files: matrices with one row for each sample, among them the episodes of ALOHA."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armid.checked_array import Array
+from armid.errors import MissingExtraError, RecordingError
+from armid.input_boundary import within_unpacked
+from armid.measurement.columns.column_selection import assemble, numeric, select
+from armid.measurement.log_format import LogFormat
+from armid.measurement.recording import Recording
+from armid.robot.robot import Robot
+
+EXTRA = "io"
+
+ALOHA = {"q": "observations/qpos", "dq": "observations/qvel", "command": "action"}
+"""Data sets of an episode of ALOHA. It has no clock; its robots are recorded at 50 Hz."""
+
+LARGEST_DIMENSION = 2
+"""Largest number of dimensions of a data set that is read; images have more."""
+
+
+def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
+    """Reads vectors and matrices of numbers; the names of columns are the paths of the data sets.
+
+    In an episode of ALOHA, `observations/qpos` and `observations/qvel` are measured, and `action` is the command,
+    unless the log format names other columns. The measured effort of ALOHA is a current in a unit of the servo and is
+    only read if the log format names it.
+
+    Raises:
+        RecordingError: The file is not an HDF5 file, or a data set is missing or not numeric.
+        MissingExtraError: h5py is not installed.
+    """
+    try:
+        import h5py
+    except ImportError as error:
+        raise MissingExtraError("h5py", "Reading HDF5", EXTRA) from error
+    with h5py.File(path, "r") as file:
+        sizes: dict[str, float] = {}
+
+        def collect(name: str, item: Any) -> None:
+            kind = getattr(item, "dtype", None)
+            if kind is not None and kind.kind in "fiub" and 1 <= len(item.shape) <= LARGEST_DIMENSION:
+                sizes[name] = float(item.size) * item.dtype.itemsize
+
+        file.visititems(collect)
+
+        def column(name: str) -> Array:
+            within_unpacked(sizes[name], path, RecordingError)
+            return numeric(np.asarray(file[name]), name, path)
+
+        if ALOHA["q"] in sizes and "q" not in log_format.columns:
+            known = {key: name for key, name in ALOHA.items() if name in sizes}
+            log_format = replace(log_format, columns={"effort": "", **known, **log_format.columns})
+        selection = select(list(sizes), log_format, path, robot, matrices=True, values=column)
+        return assemble(selection, column, log_format, path)
