@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Collection
+from contextlib import suppress
 from contextvars import copy_context
 from functools import wraps
 from io import TextIOWrapper
@@ -36,12 +37,17 @@ from armid.cli.remedy_hints import hint
 from armid.errors import ArmidError
 from armid.input_boundary import LIMITS, VARIABLE, allow, is_failure, parsed_limits, reason
 from armid.output.locks import end_claims, start_claims
+from armid.output.scratch import remove_abandoned
 from armid.output.written import forget_written
 from armid.threads import keep_freed_memory, prefer_one_thread
 
 
 class _StoppedError(Exception):
     """Interruption of a command by Ctrl-C; without this exception the parser would end without a message."""
+
+
+class _GoneError(Exception):
+    """Loss of the reader of an output; without this exception the parser would end with an exit code of its own."""
 
 
 def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
@@ -68,7 +74,11 @@ def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
                 "recording.",
             ) from error
         except BrokenPipeError:
-            raise
+            raise _GoneError from None
+        except RuntimeError as error:
+            if "Symlink loop" not in str(error):  # of pathlib before Python 3.13
+                raise
+            raise ArmidError(f"Links lead in a loop: {error}.", remedy="give another path.") from error
         except OSError as error:
             raise ArmidError(
                 f"{error.filename or 'A file'} cannot be read or written ({reason(error)}).",
@@ -155,7 +165,8 @@ def _exit_code(arguments: list[str], blocked: Collection[int]) -> int:
         from armid.cli.console import print_error
 
         if as_json:
-            write_error(error.problem, error.possible, error.remedy)
+            with suppress(OSError):  # the error may be that this stream cannot be written
+                write_error(error.problem, error.possible, error.remedy)
         print_error(error)
         return BAD_INPUT
     except (_StoppedError, KeyboardInterrupt):
@@ -164,7 +175,7 @@ def _exit_code(arguments: list[str], blocked: Collection[int]) -> int:
     except Terminated as ended:
         sys.stderr.write(stopped_line(ended.reason))
         return int(ended.code or 0)
-    except BrokenPipeError:
+    except (_GoneError, BrokenPipeError):
         discard_output()
         return BROKEN_PIPE
     except SystemExit as ended:
@@ -184,6 +195,7 @@ def _run(arguments: list[str], blocked: Collection[int]) -> None:
     """Run a command, which is ended by signals, and give up its locks."""
     given = _repeat_option("--validate", _join_numbers(arguments))
     forget_written()
+    remove_abandoned()
     start_claims(" ".join(["armid", *[each for each in arguments if not each.startswith("-")][:1]]))
     try:
         with ended_by_signals(blocked):

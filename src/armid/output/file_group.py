@@ -9,7 +9,7 @@ from pathlib import Path
 from armid.errors import OutputError
 from armid.output.interruption import deferred_signals
 from armid.output.journal import replace_in, write_new
-from armid.output.locks import WAITING, Lock, locked
+from armid.output.locks import WAITING, Lock, locked, resolved
 from armid.output.renaming import put_in_place
 from armid.output.written import add_written
 
@@ -33,7 +33,7 @@ def replace_files(
     Raises:
         OutputError: A file cannot be written; then all files are as before.
     """
-    given, folder = Path(folder), Path(folder).resolve()
+    given, folder = Path(folder), resolved(folder)
     data = {name: text.encode() if isinstance(text, str) else text for name, text in files.items()}
     stale = [*stale]
     try:

@@ -66,8 +66,8 @@ def replace_in(folder: Path, files: Mapping[str, bytes], stale: Iterable[str] = 
         write_new(draft / STALE, json.dumps(removed).encode())
         with deferred_signals():
             draft.rename(commit)
-            synchronise(folder)
             try:
+                synchronise(folder)
                 finish(folder)
             except OSError:
                 _restore(folder, files)
@@ -86,8 +86,9 @@ def finish(folder: Path) -> None:
             place = folder / path.relative_to(new)
             place.parent.mkdir(parents=True, exist_ok=True)
             os.replace(path, place)
-    for name in json.loads((commit / STALE).read_bytes()):
-        (folder / name).unlink(missing_ok=True)
+    if (commit / STALE).is_file():  # else the process ended while it removed this folder
+        for name in json.loads((commit / STALE).read_bytes()):
+            (folder / name).unlink(missing_ok=True)
     synchronise(folder)
     remove(commit)
 

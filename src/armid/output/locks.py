@@ -94,6 +94,21 @@ def end_claims() -> None:
             _release(lock)
 
 
+def resolved(target: Path | str) -> Path:
+    """Absolute path of a folder for output, without links.
+
+    Raises:
+        OutputError: Links lead in a loop, or the working folder was removed.
+    """
+    try:
+        return Path(target).resolve()
+    except (OSError, RuntimeError, ValueError) as error:
+        raise OutputError(
+            f"{target} cannot be used: {getattr(error, 'strerror', None) or error}.",
+            remedy="choose another folder with --out.",
+        ) from error
+
+
 def claim(target: Path | str) -> None:
     """Locks a folder that a command will write after its computation, so that no other command begins the same.
 
@@ -102,7 +117,7 @@ def claim(target: Path | str) -> None:
     Raises:
         OutputError: Another process writes the folder, or it cannot be written.
     """
-    given, target = target, Path(target).resolve()
+    given, target = target, resolved(target)
     base, _ = _place(target)
     try:
         if _state.claiming and base.is_dir():
@@ -133,6 +148,16 @@ def locked(target: Path, wait: float = 0.0) -> Generator[Lock]:
         lock.users -= 1
         if not lock.users and not _state.claiming:
             _release(lock)
+
+
+def complete(folder: Path | str) -> None:
+    """Completes files of a folder, before they are read, if the process that replaced them was killed.
+
+    Without effect if another process is completing them, or if the folder can only be read.
+    """
+    if (Path(folder) / COMMIT).is_dir():
+        with suppress(OutputError, OSError), locked(Path(folder).resolve(), WAITING):
+            pass
 
 
 def sweep(folder: Path | str) -> None:

@@ -6,7 +6,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from armid.output.held_files import hold, is_abandoned
@@ -17,20 +17,24 @@ PREFIX = "armid-scratch-"
 
 @contextmanager
 def scratch_folder() -> Generator[Path]:
-    """Context with a new folder among the temporary files of the system; folders of killed processes are removed."""
-    place = Path(tempfile.gettempdir())
-    for path in place.glob(f"{PREFIX}*") if os.name != "nt" else ():
-        handle = is_abandoned(path)
-        if handle is not None:
-            shutil.rmtree(path, ignore_errors=True)
-            os.close(handle)
-    folder, handle = _held(place)
+    """Context with a new folder among the temporary files of the system."""
+    folder, handle = _held(Path(tempfile.gettempdir()))
     try:
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
         if handle is not None:
             os.close(handle)
+
+
+def remove_abandoned() -> None:
+    """Removes the folders of killed processes; called by the command line at the beginning of a command."""
+    with suppress(OSError):
+        for path in Path(tempfile.gettempdir()).glob(f"{PREFIX}*") if os.name != "nt" else ():
+            handle = is_abandoned(path)
+            if handle is not None:
+                shutil.rmtree(path, ignore_errors=True)
+                os.close(handle)
 
 
 def _held(place: Path) -> tuple[Path, int | None]:

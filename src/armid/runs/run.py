@@ -25,6 +25,7 @@ from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.dynamics_model import DynamicsModel
 from armid.notebook_display import Displayed, Summary
+from armid.output.locks import complete
 from armid.remedy import Remedy
 from armid.robot import Robot
 from armid.study.config import ModelChoice, build_model
@@ -183,6 +184,7 @@ def load_run(folder: Path | str) -> Run:
         ArmidError: The folder is not a run, is damaged, or has a format that this version does not know.
     """
     folder = Path(folder)
+    complete(folder)
     with boundary(RUN, folder, remedy="give the folder that armid identify made."):
         made = (folder / MARKER).is_file()
     if not made:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from armid.errors import OutputError
 from armid.output.interruption import deferred_signals
-from armid.output.locks import PREFIX, PROBE, claim, locked, sweep
+from armid.output.locks import PREFIX, PROBE, claim, locked, resolved, sweep
 from armid.output.renaming import put_in_place, synchronise
 from armid.output.written import add_written
 
@@ -28,7 +28,7 @@ def whole_folder(folder: Path | str, marker: str, kind: str) -> Generator[Path]:
         OutputError: The folder cannot be written, or has other contents.
     """
     refuse(folder, marker, kind)
-    target = Path(folder).resolve()
+    target = resolved(folder)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with locked(target) as lock:
@@ -63,7 +63,7 @@ def refuse(folder: Path | str, marker: str, kind: str) -> None:
         OutputError: The folder has other contents, is the current working folder, is not writable, or is being
             written by another process.
     """
-    given, folder = folder, Path(folder).resolve()  # `new/../old` is `old`, also where `new` does not exist yet
+    given, folder = folder, resolved(folder)  # `new/../old` is `old`, also where `new` does not exist yet
     try:
         taken = folder.exists() and not (folder / marker).is_file()
         taken = taken and (not folder.is_dir() or any(folder.iterdir()))
