@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import shutil
 import signal
@@ -27,8 +26,8 @@ STOPS = (("SIGTERM", 143, "terminated"), ("SIGINT", 130, "interrupted"))
 STARTED = 0.02
 """Time after which a process has begun to handle signals [s]; it is forked, so it loads nothing."""
 
-PAGE = 4096
-"""Step of the size of a small disk [bytes]."""
+PAGE, LARGE = 4096, 64 << 20
+"""Page of memory, in which files of a small disk are counted, and its size before it is filled [bytes]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +96,12 @@ class Moments:
         for prepared, at in positions:
             yield self._full(prepared, Moment(at=at, full=True))
 
+    def every(self) -> Iterator[Outcome]:
+        """Kills each command before each of its changes of the disk."""
+        for prepared in self._prepared:
+            for at in range(1, prepared.changes + 1):
+                yield self._killed(prepared, Moment(at=at))
+
     def stopped(self, count: int) -> Iterator[Outcome]:
         """Commands in turn that are ended by SIGTERM or by Ctrl-C at random times.
 
@@ -132,13 +137,9 @@ class Moments:
     def small_disks(self, count: int) -> Iterator[Outcome]:
         """Commands on file systems with too little space; the superuser of Linux alone can mount them."""
         for prepared in self._prepared:
-            size = sum(path.stat().st_size for path in prepared.folder.rglob("*") if path.is_file())
-            size += sum(path.is_file() or path.is_dir() for path in prepared.folder.rglob("*")) * PAGE
-            need = sum((prepared.folder / path).stat().st_size + 2 * PAGE for path in prepared.before)
+            need = sum((prepared.folder / path).stat().st_size + PAGE for path in prepared.before)
             for free in np.linspace(0, need, count).astype(int):
-                outcome = self._on_small_disk(prepared, size + int(free))
-                if outcome is not None:
-                    yield outcome
+                yield self._on_small_disk(prepared, int(free) // PAGE)
 
     def _prepare(self, scene: Scene) -> Prepared:
         """Makes the earlier result of a command, and its new result in a copy."""
@@ -182,23 +183,20 @@ class Moments:
         shutil.rmtree(place)
         return outcome
 
-    def _on_small_disk(self, prepared: Prepared, size: int) -> Outcome | None:
-        """Runs a command on a file system of a size [bytes]; `None` if the inputs do not fit."""
+    def _on_small_disk(self, prepared: Prepared, pages: int) -> Outcome:
+        """Runs a command on a file system on which a number of pages is free."""
         place = self._place / "moment"
         disk = place / "disk"
         disk.mkdir(parents=True)
-        subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size // PAGE * PAGE}", "tmpfs", disk], check=True)
+        subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={LARGE}", "tmpfs", disk], check=True)
         try:
-            try:
-                folder = copied(prepared.folder, disk / "work")
-            except (OSError, shutil.Error) as error:
-                if getattr(error, "errno", errno.ENOSPC) in (errno.ENOSPC, None):
-                    return None
-                raise
+            folder = copied(prepared.folder, disk / "work")
+            free = os.statvfs(disk).f_bavail
+            (disk / "filler").write_bytes(bytes((free - pages) * os.statvfs(disk).f_bsize))
             link = place / "work"
             link.symlink_to(folder)
             ended = run_disturbed(prepared.scene.second, link)
-            return self._judged(prepared, folder, ended, "small disk", f"{size}")
+            return self._judged(prepared, folder, ended, "small disk", f"{pages}")
         finally:
             subprocess.run(["umount", "-l", disk], check=True)
             shutil.rmtree(place)

@@ -162,12 +162,7 @@ def _exit_code(arguments: list[str], blocked: Collection[int]) -> int:
     try:
         _run(arguments, blocked)
     except ArmidError as error:
-        from armid.cli.console import print_error
-
-        if as_json:
-            with suppress(OSError):  # the error may be that this stream cannot be written
-                write_error(error.problem, error.possible, error.remedy)
-        print_error(error)
+        _tell(error, as_json=as_json)
         return BAD_INPUT
     except (_StoppedError, KeyboardInterrupt):
         sys.stderr.write(stopped_line("interrupted"))
@@ -179,6 +174,9 @@ def _exit_code(arguments: list[str], blocked: Collection[int]) -> int:
         discard_output()
         return BROKEN_PIPE
     except SystemExit as ended:
+        if _is_interrupted(ended):
+            sys.stderr.write(stopped_line("interrupted"))
+            return INTERRUPTED
         return ended.code if isinstance(ended.code, int) else int(ended.code is not None)
     except BaseException as error:
         if not is_failure(error):
@@ -189,6 +187,24 @@ def _exit_code(arguments: list[str], blocked: Collection[int]) -> int:
         sys.stderr.write(f"{line}\n")
         return UNEXPECTED
     return 0
+
+
+def _tell(error: ArmidError, *, as_json: bool) -> None:
+    """Print an error, and also write it as a JSON object, if asked for."""
+    from armid.cli.console import print_error
+
+    if as_json:
+        with suppress(OSError):  # the error may be that this stream cannot be written
+            write_error(error.problem, error.possible, error.remedy)
+    print_error(error)
+
+
+def _is_interrupted(ended: SystemExit) -> bool:
+    """Tests whether the parser of the command line turned an interruption into an end without a message."""
+    chain: list[BaseException] = [ended]
+    while (before := chain[-1].__cause__ or chain[-1].__context__) is not None and before not in chain:
+        chain.append(before)
+    return any(isinstance(each, KeyboardInterrupt) for each in chain)
 
 
 def _run(arguments: list[str], blocked: Collection[int]) -> None:

@@ -7,6 +7,7 @@ import errno
 import os
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -37,7 +38,8 @@ def put_in_place(draft: Path, target: Path, aside: Path) -> None:
         except BaseException:
             aside.rename(target)
             raise
-    synchronise(target.parent)
+    with suppress(OSError):  # the result is in its place; a power cut could at most bring the earlier one back
+        synchronise(target.parent)
 
 
 def synchronise(folder: Path) -> None:

@@ -25,13 +25,12 @@ from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.dynamics_model import DynamicsModel
 from armid.notebook_display import Displayed, Summary
-from armid.output.locks import complete
 from armid.remedy import Remedy
 from armid.robot import Robot
 from armid.study.config import ModelChoice, build_model
 from armid.study.identify import Result
 from armid.study.plausibility.recording_errors import recording_error_check
-from armid.study.storage.atomic_folder import refuse, whole_folder
+from armid.study.storage.atomic_folder import completed, refuse, whole_folder
 from armid.study.storage.provenance import RunOrigin, origin_now, origin_of, origin_record
 from armid.study.storage.records import (
     estimate_record,
@@ -183,8 +182,7 @@ def load_run(folder: Path | str) -> Run:
     Raises:
         ArmidError: The folder is not a run, is damaged, or has a format that this version does not know.
     """
-    folder = Path(folder)
-    complete(folder)
+    folder = completed(folder)
     with boundary(RUN, folder, remedy="give the folder that armid identify made."):
         made = (folder / MARKER).is_file()
     if not made:

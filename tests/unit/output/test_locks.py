@@ -112,7 +112,7 @@ def test_a_folder_that_was_set_aside_gets_its_name_back(tmp_path: Path):
 
 
 def test_the_only_copy_of_a_result_is_never_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Where names cannot be exchanged, and neither the new nor the earlier folder can be renamed."""
+    """On a system that cannot exchange names, if neither the new nor the earlier folder can be renamed."""
     write_run(tmp_path / "run", "earlier")
     rename = Path.rename
 

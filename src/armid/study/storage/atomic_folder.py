@@ -10,7 +10,7 @@ from pathlib import Path
 
 from armid.errors import OutputError
 from armid.output.interruption import deferred_signals
-from armid.output.locks import PREFIX, PROBE, claim, locked, resolved, sweep
+from armid.output.locks import PREFIX, PROBE, claim, complete, locked, resolved, sweep
 from armid.output.renaming import put_in_place, synchronise
 from armid.output.written import add_written
 
@@ -49,6 +49,12 @@ def whole_folder(folder: Path | str, marker: str, kind: str) -> Generator[Path]:
             f"{folder} could not be written: {error.strerror or error}.",
             remedy="choose another folder with --out that is writable and has enough free space.",
         ) from error
+
+
+def completed(folder: Path | str) -> Path:
+    """Path of a folder to be read; files that a killed process had not yet put in their places are put there."""
+    complete(folder)
+    return Path(folder)
 
 
 def refuse(folder: Path | str, marker: str, kind: str) -> None:
