@@ -71,6 +71,7 @@ def run_disturbed(command: Command, folder: Path, moment: Moment = Moment(), env
     said = folder.parent / "said"
     said.mkdir(exist_ok=True)
     (said / "changes").write_text("0")
+    (said / "err").write_text("")
     sys.stdout.flush()
     sys.stderr.flush()
     child = os.fork()

@@ -14,6 +14,7 @@ import json
 import os
 import shutil
 import socket
+import threading
 import time
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
@@ -49,6 +50,7 @@ class Lock:
         base: The folder in which the lock is.
         key: Key in the names of lock, draft and earlier folder.
         handle: Descriptor of the lock.
+        thread: Thread that uses the lock.
         users: Number of blocks that use the lock.
     """
 
@@ -56,6 +58,7 @@ class Lock:
     base: Path
     key: str
     handle: int
+    thread: int
     users: int = 0
 
     @property
@@ -202,15 +205,20 @@ def _acquire(target: Path, wait: float = 0.0) -> Lock:
     """Locks a folder, or returns the lock that this process already has."""
     base, key = _place(target)
     path = base / f"{PREFIX}{key}.lock"
-    if path in _held:
-        return _held[path]
     end = time.monotonic() + wait
-    while (handle := _open(path)) is None:
+    while True:
+        lock, thread = _held.get(path), threading.get_ident()
+        if lock is not None and (not lock.users or lock.thread == thread):
+            lock.thread = thread
+            return lock
+        handle = _open(path) if lock is None else None
+        if handle is not None:
+            break
         if time.monotonic() > end:
             raise _busy(target, path)
         time.sleep(0.02)
     with deferred_signals():
-        lock = _held[path] = Lock(target, base, key, handle)
+        lock = _held[path] = Lock(target, base, key, handle, thread)
         try:
             _repair(lock)
             _state_holder(handle, target)
@@ -319,7 +327,7 @@ def _recover(path: Path) -> None:
             base = path.parent
             target = base if key == key_of(".") else base / name
             if key in (key_of("."), key_of(name)) and "/" not in name:
-                _repair(Lock(target, base, key, handle))
+                _repair(Lock(target, base, key, handle, threading.get_ident()))
             path.unlink()
         except (OSError, KeyError, ValueError, TypeError):
             remove(path.with_suffix(".draft"))

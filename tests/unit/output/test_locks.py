@@ -7,6 +7,8 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -81,6 +83,27 @@ def test_one_process_may_lock_again(tmp_path: Path):
     with locked(tmp_path / "run") as first, locked(tmp_path / "run") as second:
         assert first is second
     assert names(tmp_path) == set()
+
+
+def test_threads_write_one_after_the_other(tmp_path: Path):
+    """A group of files waits for the other thread; a folder, whose computation may be long, does not."""
+    told: list[str] = []
+
+    def write() -> None:
+        with pytest.raises(OutputError, match="is being written by a Python program"):
+            write_run(tmp_path / "run", "second")
+        told.append("refused")
+        replace_files(tmp_path / "run", {"run.json": "third"})
+        told.append("written")
+
+    with whole_folder(tmp_path / "run", "run.json", "run") as draft:
+        (draft / "run.json").write_text("first")
+        thread = threading.Thread(target=write)
+        thread.start()
+        while not told:
+            time.sleep(0.01)
+    thread.join()
+    assert told == ["refused", "written"] and contents(tmp_path) == {"run/run.json": "third"}
 
 
 def test_a_fork_leaves_locks_to_its_parent(tmp_path: Path):
@@ -226,8 +249,6 @@ def lives(process: int) -> bool:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are found in /proc")
 def test_workers_end_with_a_parent_that_is_killed():
-    import time
-
     with subprocess.Popen([sys.executable, "-c", WORKERS], stdout=subprocess.PIPE, text=True) as parent:
         assert parent.stdout is not None
         workers = {int(word) for word in parent.stdout.readline().split()}
