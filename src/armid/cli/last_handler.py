@@ -12,7 +12,7 @@ from collections.abc import Collection, Generator
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
-from types import FrameType
+from types import FrameType, SimpleNamespace
 from typing import Any
 
 from armid.output.written import written
@@ -31,6 +31,12 @@ INTERRUPTED = 130
 
 ENDED_BY = {"SIGTERM": "terminated", "SIGHUP": "terminated, because the terminal was closed"}
 """Signals that end a command as Ctrl-C does, and how the message begins; the exit code is 128 plus their number."""
+
+
+AGAIN = 3.0
+"""Time after which the end of a command is asked for again [s]; cleaning up takes less."""
+
+_asked = SimpleNamespace(number=0)
 
 
 class Terminated(SystemExit):
@@ -58,15 +64,32 @@ def ended_by_signals(blocked: Collection[int] = ()) -> Generator[None]:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, blocked)
         yield
     finally:
+        if hasattr(signal, "setitimer") and signal.getsignal(signal.SIGALRM) is _terminate_again:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, signal.SIG_DFL)
         for number, handler in before.items():
             signal.signal(number, handler)
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
-    """Raises `Terminated` once; further signals wait until what was begun is removed."""
+    """Raises `Terminated`; further signals wait until what was begun is removed.
+
+    A signal may arrive while Python runs a function whose errors it ignores, such as one that is called at a fork or
+    when an object is removed. So the error is raised again after a while.
+    """
     del frame
     signal.signal(number, signal.SIG_IGN)
+    if hasattr(signal, "setitimer") and signal.getsignal(signal.SIGALRM) is signal.SIG_DFL:
+        _asked.number = number
+        signal.signal(signal.SIGALRM, _terminate_again)
+        signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
     raise Terminated(number)
+
+
+def _terminate_again(number: int, frame: FrameType | None) -> None:
+    """Raises `Terminated` for the signal that came first."""
+    del number, frame
+    raise Terminated(_asked.number)
 
 
 def stopped_line(reason: str) -> str:

@@ -9,12 +9,12 @@ from contextlib import contextmanager
 
 @contextmanager
 def deferred_signals() -> Generator[None]:
-    """Context in which SIGINT, SIGTERM and SIGHUP wait; without effect where threads have no masks of signals."""
+    """Context in which signals that end a command wait; without effect where threads have no masks of signals."""
     mask = getattr(signal, "pthread_sigmask", None)
     if mask is None:
         yield
         return
-    before = mask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
+    before = mask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM})
     try:
         yield
     finally:

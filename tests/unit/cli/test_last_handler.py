@@ -6,11 +6,14 @@ import json
 import signal
 import subprocess
 import sys
+import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from armid.atomic_file import replace_file
+from armid.cli import last_handler
 from armid.cli import main as cli
 from armid.cli.last_handler import BROKEN_PIPE, UNEXPECTED, report_unexpected
 
@@ -127,3 +130,23 @@ def test_an_interruption_of_the_parser_is_told(monkeypatch: pytest.MonkeyPatch, 
         cli.main([])
     assert ended.value.code == 130
     assert capsys.readouterr().err.endswith("interrupted; nothing was written\n")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signals")
+def test_a_signal_whose_error_is_lost_is_raised_again(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """Python ignores errors in functions that it calls when an object is removed."""
+
+    def app(*_: object, **__: object) -> None:
+        with suppress(SystemExit):
+            signal.raise_signal(signal.SIGTERM)
+        time.sleep(60.0)
+
+    monkeypatch.setattr(last_handler, "AGAIN", 0.05)
+    monkeypatch.setattr(cli, "app", app)
+    with pytest.raises(SystemExit) as ended:
+        cli.main([])
+    assert ended.value.code == 143
+    assert capsys.readouterr().err == "terminated; nothing was written\n"
+    assert signal.getsignal(signal.SIGALRM) is signal.SIG_DFL
