@@ -65,14 +65,22 @@ MAX_RECORDING_COLUMNS = 2
 column with the root mean square of their errors."""
 
 
+class _Console(Console):
+    """Console that leaves a pipe without a reader to the command line, which has an exit code for it."""
+
+    def on_broken_pipe(self) -> None:
+        """Raise the error again, which the console would turn into an exit code of its own."""
+        raise BrokenPipeError
+
+
 def output_console() -> Console:
     """Console on standard output, which writes plain text if standard output is not a terminal."""
-    return Console(file=sys.stdout, width=_width(sys.stdout), highlight=False)
+    return _Console(file=sys.stdout, width=_width(sys.stdout), highlight=False)
 
 
 def error_console() -> Console:
     """Console on standard error."""
-    return Console(file=sys.stderr, width=_width(sys.stderr), highlight=False)
+    return _Console(file=sys.stderr, width=_width(sys.stderr), highlight=False)
 
 
 def _width(stream: TextIO) -> int | None:

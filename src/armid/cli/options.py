@@ -161,6 +161,20 @@ def model_choice(terms: str | None, *, default: tuple[str, ...] = ()) -> ModelCh
     return ModelChoice(names)
 
 
+def claim_run(run: str, out: Path | None) -> None:
+    """Lock the folder of a run, if a command without --out writes into it.
+
+    So the files do not get into another run that a second process writes to the same folder meanwhile.
+
+    Raises:
+        OutputError: Another process writes the folder, or it cannot be written.
+    """
+    from armid.output.locks import claim
+
+    if out is None and Path(run).is_dir():
+        claim(run)
+
+
 def run_folder(out: Path | None, robot: str) -> Path:
     """Folder of the run: `out`, or else `runs/` and the name of the arm, with a number if that folder exists."""
     if out is not None:

@@ -5,15 +5,13 @@ Before the code is written, its results are compared with those of the model at 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from armid.atomic_file import replace_file
 from armid.checked_array import Array
 from armid.codegen.functions import make_programs
 from armid.codegen.generation import generate
@@ -24,8 +22,12 @@ from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.equations_of_motion import bias_torque, slotine_li_regressor
 from armid.model.motion import Motion
+from armid.output.file_group import replace_files
 from armid.runs.run import Run
 from armid.validation.torque_validation import Check
+
+Further = Callable[[str], Mapping[str, str]]
+"""Function that makes further files for a module with a given name."""
 
 AGREEMENT = 1e-10
 """Largest allowed relative difference between generated code and model. Rounding errors, which depend on the order
@@ -54,7 +56,9 @@ class CodeExported:
     checks: tuple[Check, ...]
 
 
-def export_code(run: Run, to: str, out: Path | str | None = None, *, name: str = "") -> CodeExported:
+def export_code(
+    run: Run, to: str, out: Path | str | None = None, *, name: str = "", further: Further | None = None
+) -> CodeExported:
     """Writes the model of a run as source code.
 
     Args:
@@ -62,6 +66,7 @@ def export_code(run: Run, to: str, out: Path | str | None = None, *, name: str =
         to: Name of the language, one of `armid.codegen.catalogue.LANGUAGES`.
         out: Folder for the code; `None` for the folder `code` in the folder of the run.
         name: Name of the generated module and prefix of its functions; if empty, the name of the arm is used.
+        further: Function that is given the name of the module and returns further files, by their names.
 
     Raises:
         OutputError: The language is unknown, the code differs from the model, files cannot be written, or files exist
@@ -82,7 +87,8 @@ def export_code(run: Run, to: str, out: Path | str | None = None, *, name: str =
             remedy="this is a fault of armid: report it.",
         )
     operations = {program.name: dict(program.operations) for program in make_programs(run.model, base)}
-    return CodeExported(_written(files, folder), to, operations, checks)
+    more = {} if further is None else further(Path(next(iter(files))).stem)
+    return CodeExported(replace_files(folder, {**files, **more}), to, operations, checks)
 
 
 def code_record(exported: CodeExported) -> dict[str, Any]:
@@ -171,22 +177,3 @@ def _rotor_torque(model: DynamicsModel, theta: Array, q: Array, ddq: Array) -> A
     rotors = theta.copy()
     rotors[model.inertial_columns] = 0.0
     return np.einsum("nij,nj->ni", model.mass_matrix(q, rotors), ddq)
-
-
-def _written(files: Mapping[str, str], folder: Path) -> tuple[Path, ...]:
-    """Writes all files; if a file cannot be written, the files that were written before are removed.
-
-    Raises:
-        OutputError: The folder cannot be written.
-    """
-    paths = [folder / name for name in files]
-    new = [path for path in paths if not path.exists()]
-    try:
-        for path, text in zip(paths, files.values(), strict=True):
-            replace_file(path, text)
-    except OutputError:
-        for path in new:
-            with suppress(OSError):  # the folder itself may be a file
-                path.unlink(missing_ok=True)
-        raise
-    return tuple(paths)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from armid.atomic_file import replace_file
 from armid.codegen.texts.monitor_code import MonitorNumbers, write_monitor
 from armid.export.code import export_code
 from armid.export.sidecar import origin_line, refuse_overwriting
@@ -30,8 +30,6 @@ def export_monitor(monitor: Monitor, folder: Path | str, *, name: str = "") -> t
     present = [path for suffix in ("c", "h") for path in folder.glob(f"*_monitor.{suffix}")]
     foreign = [path for path in present if own_line not in path.read_text(encoding="utf-8", errors="replace")]
     refuse_overwriting(foreign, monitor.run)
-    model = export_code(monitor.run, "c", folder, name=name)
-    own = model.files[0].stem
     found = monitor.thresholds
     heading = (
         own_line,
@@ -39,9 +37,9 @@ def export_monitor(monitor: Monitor, folder: Path | str, *, name: str = "") -> t
         f"Samples per second: {monitor.rate:.6g}.",
         f"False alarms per hour: {found.rate:.4g}{'' if found.promised else ' (extrapolated, not promised)'}.",
     )
-    texts = write_monitor(own, monitor_numbers(monitor), memory=bool(monitor.run.model.nodes), heading=heading)
-    more = [replace_file(folder / path, text) for path, text in texts.items()]
-    return (*model.files, *more)
+    memory = bool(monitor.run.model.nodes)
+    written = partial(write_monitor, numbers=monitor_numbers(monitor), memory=memory, heading=heading)
+    return export_code(monitor.run, "c", folder, name=name, further=written).files
 
 
 def monitor_numbers(monitor: Monitor) -> MonitorNumbers:

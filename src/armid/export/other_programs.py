@@ -8,13 +8,13 @@ import os
 import tempfile
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from armid.checked_array import Array
 from armid.export.types import Content, Witness
+from armid.output.scratch import scratch_folder
 
 SOURCE = "the written file"
 
@@ -68,8 +68,8 @@ def model_of_mjcf(pin: Any, text: str) -> Any:
         pin: The module `pinocchio`.
         text: The text; Pinocchio reads files only.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "plain.xml"
+    with scratch_folder() as folder:
+        path = folder / "plain.xml"
         path.write_text(text, encoding="utf-8")
         return pin.buildModelFromMJCF(str(path))
 

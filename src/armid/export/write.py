@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Unpack
 
-from armid.atomic_file import replace_file
 from armid.codegen.catalogue import LANGUAGES
 from armid.errors import Finding, OutputError, did_you_mean
 from armid.export.catalogue import EXPORTERS, Exporter
@@ -19,6 +18,7 @@ from armid.export.ros.catalogue import ROS_FILES
 from armid.export.sidecar import refuse_overwriting, side_record
 from armid.export.types import DescriptionSource
 from armid.export.verification import Prediction, verify, without_place
+from armid.output.file_group import replace_files
 from armid.runs.run import Run
 from armid.study.storage.records import finding_record, to_json
 from armid.validation.torque_validation import Check
@@ -171,15 +171,5 @@ def findings_on_sidecar(run: Run, exporter: Exporter, side: str) -> list[Finding
 
 def _write_both(path: Path, data: bytes, record: Mapping[str, Any]) -> Path:
     """Writes the description and the sidecar file, or neither of them; returns the path of the sidecar file."""
-    side = path.with_name(f"{path.name}{SIDE}")
-    before = side.read_bytes() if side.is_file() else None
-    replace_file(side, to_json(record) + "\n")
-    try:
-        replace_file(path, data)
-    except OutputError:
-        if before is None:
-            side.unlink(missing_ok=True)
-        else:
-            replace_file(side, before)
-        raise
-    return side
+    side = f"{path.name}{SIDE}"
+    return replace_files(path.parent, {path.name: data, side: to_json(record) + "\n"})[1]

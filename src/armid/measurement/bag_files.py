@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import sys
-import tempfile
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 from armid.errors import MissingExtraError, RecordingError
 from armid.input_boundary import most_unpacked, within_unpacked
 from armid.measurement.catalogue import READERS
+from armid.output.scratch import scratch_folder
 
 BLOCK = 1 << 20
 """Number of bytes that are unpacked at once."""
@@ -50,8 +50,8 @@ def opened(path: Path) -> Generator[list[Path]]:
     if path.is_dir() or not is_packed(path):
         yield bag_paths(path)
         return
-    with tempfile.TemporaryDirectory() as folder:
-        plain = Path(folder) / path.name[: -len(COMPRESSED)]
+    with scratch_folder() as folder:
+        plain = folder / path.name[: -len(COMPRESSED)]
         zstd = _zstd()
         try:
             most = most_unpacked(path)

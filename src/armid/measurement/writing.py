@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -16,6 +15,7 @@ from armid.checked_array import Array
 from armid.errors import MissingExtraError, OutputError
 from armid.measurement.readers.bag import CONTROLLER, DEFINITIONS, JOINT_STATE
 from armid.measurement.recording import Recording
+from armid.output.scratch import scratch_folder
 
 EXTRA = "io"
 
@@ -46,14 +46,22 @@ def save_recording(recording: Recording, path: Path | str) -> Path:
         MissingExtraError: The format needs a package that is not installed.
     """
     path = Path(path)
-    writer = WRITERS.get(path.suffix.lower())
-    if writer is None:
+    if path.suffix.lower() not in WRITERS:
         raise OutputError(
             f"No format is known for the suffix of {path}, so the recording cannot be written.",
             possible=", ".join(WRITERS),
             remedy="give the file one of these suffixes.",
         )
-    return replace_file(path, writer(recording))
+    return replace_file(path, recording_bytes(recording, path.suffix.lower()))
+
+
+def recording_bytes(recording: Recording, suffix: str) -> bytes:
+    """Content of a file with a recording in the format of a suffix, a key of `WRITERS`.
+
+    Raises:
+        MissingExtraError: The format needs a package that is not installed.
+    """
+    return WRITERS[suffix](recording)
 
 
 def _columns(recording: Recording) -> dict[str, Array]:
@@ -126,8 +134,8 @@ def _bag(recording: Recording, suffix: str) -> bytes:
     topic, kind = ("/joint_states", JOINT_STATE) if recording.command is None else ("/controller_state", CONTROLLER)
     if kind == CONTROLLER:
         store.register(get_types_from_msg(FIRST_DEFINITION if first else DEFINITIONS[kind], kind))
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"bag{suffix if first else ''}"
+    with scratch_folder() as folder:
+        path = folder / f"bag{suffix if first else ''}"
         if first:
             made = FirstWriter(path)
         else:

@@ -33,6 +33,7 @@ from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous
+from armid.output.worker_process import follow_parent
 from armid.robot import load_robot
 from armid.study.progress import Progress
 from armid.threads import ONE_THREAD
@@ -230,4 +231,5 @@ def _design_gradient(model: DynamicsModel, base: BaseParameters) -> dict[str, An
 
 
 if __name__ == "__main__":
+    follow_parent(os.getppid())
     sys.stdout.write(json.dumps(measure(int(sys.argv[1]))) + "\n")

@@ -30,7 +30,7 @@ from armid.robot import Robot
 from armid.study.config import ModelChoice, build_model
 from armid.study.identify import Result
 from armid.study.plausibility.recording_errors import recording_error_check
-from armid.study.storage.atomic_folder import refuse, whole_folder
+from armid.study.storage.atomic_folder import completed, refuse, whole_folder
 from armid.study.storage.provenance import RunOrigin, origin_now, origin_of, origin_record
 from armid.study.storage.records import (
     estimate_record,
@@ -182,7 +182,7 @@ def load_run(folder: Path | str) -> Run:
     Raises:
         ArmidError: The folder is not a run, is damaged, or has a format that this version does not know.
     """
-    folder = Path(folder)
+    folder = completed(folder)
     with boundary(RUN, folder, remedy="give the folder that armid identify made."):
         made = (folder / MARKER).is_file()
     if not made:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armid.cli.log_format_options import Data
-from armid.cli.options import Json
+from armid.cli.options import Json, claim_run
 from armid.cli.value_completion import among
 from armid.codegen.catalogue import LANGUAGES
 from armid.export.catalogue import EXPORTERS
@@ -126,9 +126,8 @@ def export(
     from armid.cli.motion.number_options import parse_limits
     from armid.errors import OutputError
     from armid.export.ros.write import export_for_ros
-    from armid.export.write import export_record, export_run
+    from armid.export.write import export_run
     from armid.runs.run import load_run
-    from armid.study.storage.records import to_json
 
     choices: ExportChoices = {
         "limits": parse_limits(limit) if limit else None,
@@ -137,6 +136,7 @@ def export(
         "allow_unphysical": allow_unphysical,
         "allow_unidentified": allow_unidentified,
     }
+    claim_run(run, out)
     if ensemble is not None:
         return _ensemble(run, to, ensemble, out, seed, motion, description, choices, json=json)
     if motion is not None:
@@ -148,10 +148,7 @@ def export(
         return _code(run, to, out, json=json)
     write = export_for_ros if to in ROS_FILES else export_run
     exported = write(load_run(run), to, out, description=description, data=data, **choices)
-    if json:
-        sys.stdout.write(to_json(export_record(exported)) + "\n")
-    else:
-        _report(exported)
+    _report(exported, json=json)
 
 
 def _ensemble(
@@ -217,11 +214,16 @@ def _code(run: str, to: str, out: Path | None, *, json: bool) -> None:
     sys.stdout.write(to_json(code_record(exported)) + "\n" if json else written)
 
 
-def _report(exported: Exported) -> None:
+def _report(exported: Exported, *, json: bool) -> None:
     """Print the written files and checks on standard output, and the findings on standard error."""
     from armid.cli.console import print_findings
+    from armid.export.write import export_record
+    from armid.study.storage.records import to_json
     from armid.validation.torque_validation import JointCheck
 
+    if json:
+        sys.stdout.write(to_json(export_record(exported)) + "\n")
+        return
     origin = f"{exported.edited}, edited" if exported.edited and not exported.files else "a new file"
     lines = [f"{path} written" for path in exported.files[1:]]
     lines.append(f"{exported.path} written ({origin}); {exported.side} contains the whole model")

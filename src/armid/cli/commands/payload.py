@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from armid.cli.log_format_options import Columns, Rate, ReadingLines, TorqueSign, changed_reading
-from armid.cli.options import Json, Out
+from armid.cli.options import Json, Out, claim_run
 from armid.cli.value_completion import among, moving_links
 from armid.export.load.catalogue import CONTROLLERS
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from armid.checked_array import Array
-    from armid.errors import Finding
+    from armid.errors import Finding, OutputError
     from armid.export.load.write import WrittenLoad
     from armid.runs.payload import Payload
 
@@ -116,6 +116,7 @@ def payload(
 
         armid payload load/payload.json --to kuka,abb
     """
+    from armid.output.locks import claim
     from armid.runs.payload import find_payload
     from armid.runs.run import load_run
 
@@ -124,6 +125,10 @@ def payload(
         others = (mass, com, link, gain_deviation, rate, torque_sign, columns, reading_lines)
         _refuse_estimation(given=same_friction or any(option is not None for option in others))
         return _converted(run, to or (), flange, out, json=json)
+    if out is not None:
+        claim(out)
+    elif to:
+        claim_run(run, out)
     loaded = load_run(run)
     found = find_payload(
         loaded,
@@ -138,37 +143,23 @@ def payload(
     _estimated(found, to or (), flange, out, json=json)
 
 
+PAYLOAD = "payload.json"
+"""Name of the file with an estimated payload."""
+
+
 def _estimated(found: Payload, to: Sequence[str], flange: str | None, out: Path | None, *, json: bool) -> None:
     """Write an estimated payload to `payload.json` and to files for controllers, if requested, and print it."""
-    from armid.atomic_file import replace_file
     from armid.cli.console import print_error, print_findings
     from armid.cli.json_errors import BAD_INPUT
-    from armid.errors import OutputError
-    from armid.export.load.flange_load import load_at_flange
-    from armid.export.load.write import write_load, written_record
-    from armid.runs.payload import payload_record
-    from armid.study.storage.records import to_json
 
     refused = [_not_written()] if to and found.contradictions else []
-    folder = Path(found.new_recordings.run.folder) / "load" if out is None else out
-    written: tuple[WrittenLoad, ...] = ()
-    error = None
-    if to and not refused:
-        try:
-            written = write_load(load_at_flange(found, flange), to, folder)
-        except OutputError as unwritten:  # raised below, so that the estimate is not lost
-            error = unwritten
-    more: dict[str, object] = {"controllers": written_record(written)} if to else {}
-    if error is not None:
-        more["controllers_refused"] = error.problem
-    text = to_json(payload_record(found) | more) + "\n"
-    path = None if out is None else replace_file(out / "payload.json", text)
+    written, error, record = _write(found, () if refused else to, flange, out, asked=bool(to))
     if json:
-        sys.stdout.write(text)
+        sys.stdout.write(record)
     else:
         _report(found)
-    if path is not None and not json:
-        sys.stdout.write(f"\nwritten to {path}\n")
+    if out is not None and not json:
+        sys.stdout.write(f"\nwritten to {out / PAYLOAD}\n")
     _report_written(written, json=json)
     print_findings([*found.findings, *refused, *(finding for each in written for finding in each.findings)])
     if error is not None and json:  # standard output has its one JSON document already
@@ -178,6 +169,40 @@ def _estimated(found: Payload, to: Sequence[str], flange: str | None, out: Path 
         raise error
     if found.contradictions:
         raise typer.Exit(1)
+
+
+def _write(
+    found: Payload, to: Sequence[str], flange: str | None, out: Path | None, *, asked: bool
+) -> tuple[tuple[WrittenLoad, ...], OutputError | None, str]:
+    """Write `payload.json`, if --out is given, and the files for controllers, all of them or none.
+
+    Returns:
+        Files for controllers, the error for which there are none, and the text of `payload.json`.
+    """
+    from armid.errors import OutputError
+    from armid.export.load.flange_load import load_at_flange
+    from armid.export.load.write import write_load, written_record
+    from armid.output.file_group import replace_files
+    from armid.runs.payload import payload_record
+    from armid.study.storage.records import to_json
+
+    def further(files: tuple[WrittenLoad, ...], problem: str = "") -> dict[str, str]:
+        more: dict[str, object] = {"controllers": written_record(files)} if asked else {}
+        more |= {"controllers_refused": problem} if problem else {}
+        return {PAYLOAD: to_json(payload_record(found) | more) + "\n"}
+
+    error = None
+    if to:
+        folder = Path(found.new_recordings.run.folder) / "load" if out is None else out
+        try:
+            written = write_load(load_at_flange(found, flange), to, folder, further=None if out is None else further)
+            return written, None, further(written)[PAYLOAD]
+        except OutputError as unwritten:  # the caller raises it, so that the estimate is not lost
+            error = unwritten
+    text = further((), error.problem if error else "")
+    if out is not None:
+        replace_files(out, text)
+    return (), error, text[PAYLOAD]
 
 
 def _refuse_estimation(*, given: bool) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armid.cli.log_format_options import Data
-from armid.cli.options import Json
+from armid.cli.options import Json, claim_run
 
 if TYPE_CHECKING:
     from armid.runs.run import Run
@@ -55,6 +55,7 @@ def report(
     from armid.study.storage.records import to_json
 
     require_extra()
+    claim_run(other or run, out)
     first = load_run(run)
     missing: tuple[str, ...] = ()
     if other is None:

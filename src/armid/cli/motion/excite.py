@@ -7,12 +7,14 @@ import math
 import sys
 from collections.abc import Generator
 from contextlib import contextmanager, nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from armid.cli.commands.report import try_page
+from armid.cli.last_handler import INTERRUPTED, Terminated
 from armid.cli.motion.preview import PAGE as PREVIEW
 from armid.cli.options import (
     Gravity,
@@ -45,9 +47,6 @@ def _option(
 
 
 PREFLIGHT = "preflight.html"
-
-INTERRUPTED = 130
-"""Exit code of a command that the user has stopped."""
 
 POSE, SEVERAL = "Q…", list[str] | None
 
@@ -235,9 +234,14 @@ def excite(robot: str, **options: Any) -> None:
             if options["experiment"] == "series" else run_experiment(model, options)
         )  # fmt: skip
         stage("files")
-        save_design(designed, folder, formats=formats, rate=rate, rehearsal=rehearsal)
-        if not options["no_report"]:
-            _write_pages(designed, folder, stage)
+        stopped: list[Stopped] = []
+        pages = None if options["no_report"] else partial(_write_pages, designed, stage, stopped)
+        save_design(designed, folder, formats=formats, rate=rate, rehearsal=rehearsal, pages=pages)
+    for page, reason in stopped:
+        if not isinstance(reason, KeyboardInterrupt):
+            raise reason
+        sys.stderr.write(f"interrupted; the plan in {folder} is complete, but {page} was not written\n")
+        raise typer.Exit(INTERRUPTED)
     if options["json"]:
         sys.stdout.write(to_json({**plan_record(designed), "folder": str(folder)}) + "\n")
     else:
@@ -249,11 +253,14 @@ def excite(robot: str, **options: Any) -> None:
         raise typer.Exit(1)
 
 
-def _write_pages(designed: Checked, folder: Path, stage: Stage) -> None:
+Stopped = tuple[str, BaseException]
+"""Name of a page that was not written, and the exception by which the user stopped it."""
+
+
+def _write_pages(designed: Checked, stage: Stage, stopped: list[Stopped], folder: Path) -> None:
     """Write preflight.html and preview.html into the folder of a plan, which is complete without these pages.
 
-    Raises:
-        Exit: The user has stopped the writing of the pages.
+    If the user stops the writing, this is added to `stopped`, so that the plan is kept.
     """
     from armid.report.preflight_page import write_preflight
     from armid.report.preview.make_preview import preview_of_design
@@ -265,9 +272,8 @@ def _write_pages(designed: Checked, folder: Path, stage: Stage) -> None:
         stage("preview")
         page = PREVIEW
         try_page(page, lambda: write_preview(preview_of_design(designed), folder / PREVIEW))
-    except KeyboardInterrupt:
-        sys.stderr.write(f"interrupted; the plan in {folder} is complete, but {page} was not written\n")
-        raise typer.Exit(INTERRUPTED) from None
+    except (KeyboardInterrupt, Terminated) as reason:
+        stopped.append((page, reason))
 
 
 def _signature() -> inspect.Signature:

@@ -77,6 +77,7 @@ def simulate(
     """
     from armid.cli.console import print_findings, progress
     from armid.lab.simulation import simulation_findings
+    from armid.output.locks import claim
     from armid.study.config import load_choice
     from armid.study.plans.simulation_files import refuse_format, simulate_to, the_plan
 
@@ -85,7 +86,7 @@ def simulate(
     lab_options = _lab_options(options, mode, controller, effects, repetitions, rate)
     motion = the_plan(plan, period)
     with progress(quiet=json) as tell:
-        folder = out or run_folder(None, f"{arm.name}-lab")
+        claim(folder := out or run_folder(None, f"{arm.name}-lab"))
         write = partial(simulate_to, kind=kind, seed=seed, noise_free=noise_free)
         done = write(folder, arm, motion, lab_options, tell=lambda share: tell("simulation", share))
     _report(done, json=json)

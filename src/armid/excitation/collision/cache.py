@@ -7,8 +7,8 @@ raised. If the total size of the entries exceeds `LARGEST`, the least recently u
 
 from __future__ import annotations
 
+import io
 import os
-import tempfile
 import time
 import zlib
 from collections.abc import Mapping
@@ -18,6 +18,9 @@ from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
+
+from armid.atomic_file import replace_file
+from armid.errors import OutputError
 
 LARGEST = 200_000_000
 """Largest total size of all cache entries [bytes]. The hulls of a humanoid robot take some megabytes."""
@@ -60,16 +63,11 @@ def write_entry(name: str, arrays: Arrays) -> None:
     folder = cache_folder()
     if folder is None:
         return
-    with suppress(OSError):
+    with suppress(OSError, OutputError):
         folder.mkdir(parents=True, exist_ok=True)
-        handle, made = tempfile.mkstemp(prefix=f".{name}-", suffix=".npz", dir=folder)
-        try:
-            with os.fdopen(handle, "wb") as file:
-                np.savez(file, **dict(arrays))  # pyright: ignore[reportArgumentType]
-            os.replace(made, folder / f"{name}.npz")
-        except OSError:
-            os.unlink(made)
-            raise
+        buffer = io.BytesIO()
+        np.savez(buffer, **dict(arrays))  # pyright: ignore[reportArgumentType]
+        replace_file(folder / f"{name}.npz", buffer.getvalue(), is_result=False)
         _prune(folder, f"{name}.npz")
 
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import pickle
-import signal
 import time
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
@@ -41,6 +40,7 @@ from armid.excitation.design.sqp import (
 )
 from armid.excitation.limits.constraint_channels import States
 from armid.excitation.limits.workspace import Workspace
+from armid.output.worker_process import follow_parent
 from armid.threads import ONE_THREAD
 
 SCOUTS, REFINED = 6, 2
@@ -193,11 +193,6 @@ def _run(pickled: bytes, task: _Task) -> _Outcome:
     return _Outcome(task) if inside is None else _Outcome(task, x, inside, grid.value(inside))
 
 
-def _ignore_interrupts() -> None:
-    """Makes a worker process ignore Ctrl-C, which the parent process handles."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
 def _context() -> BaseContext:
     """Start method of worker processes: the faster `fork` if this process has only one thread, otherwise `spawn`."""
     tasks = Path("/proc/self/task")
@@ -217,7 +212,7 @@ def single_threaded_pool(workers: int) -> Generator[Executor]:
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(ONE_THREAD)
     others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(workers, _context(), initializer=_ignore_interrupts)
+    pool = ProcessPoolExecutor(workers, _context(), initializer=follow_parent, initargs=(os.getpid(),))
     try:
         for future in [pool.submit(time.sleep, 0.0) for _ in range(workers)]:
             future.result()

@@ -8,6 +8,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
+from armid.atomic_file import replace_file
 from armid.errors import Finding
 from armid.export.ensemble.draws import Draws, draw_arms
 from armid.export.input_digest_check import Unseen, find_source
@@ -97,10 +98,10 @@ def export_ensemble(
             written = exporter.write(content)
             if k == 0:
                 verify(exporter, written, content, run, draws.standard[k], Unseen((), ()))
-            (draft / files[k]).write_bytes(written.data)
+            replace_file(draft / files[k], written.data)
         write_archive(draft / PARAMETERS, _arrays(run, draws))
         result = ExportedEnsemble(folder, to, files, seed, draws, (*prepared.findings, *prepared.far))
-        (draft / RECORD).write_text(to_json(ensemble_record(run, result)) + "\n", encoding="utf-8")
+        replace_file(draft / RECORD, to_json(ensemble_record(run, result)) + "\n")
     return result
 
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from armid.atomic_file import replace_file
 from armid.errors import Finding, OutputError, did_you_mean
 from armid.export.load.catalogue import CONTROLLERS
 from armid.export.load.flange_load import FlangeLoad
 from armid.export.load.load_text import LoadNumber, LoadText
+from armid.output.file_group import replace_files
 from armid.study.storage.records import finding_record
 
 OWN = ("armid payload", '"armid-load"')
@@ -37,8 +37,14 @@ class WrittenLoad:
     findings: tuple[Finding, ...]
 
 
-def write_load(load: FlangeLoad, to: str | Sequence[str], out: Path | str) -> tuple[WrittenLoad, ...]:
-    """Writes an identified payload in the form of controllers.
+Further = Callable[["tuple[WrittenLoad, ...]"], Mapping[str, str]]
+"""Function that makes further files, by name, about the files of controllers."""
+
+
+def write_load(
+    load: FlangeLoad, to: str | Sequence[str], out: Path | str, *, further: Further | None = None
+) -> tuple[WrittenLoad, ...]:
+    """Writes an identified payload in the form of controllers, all files or none.
 
     None of these forms was tried on a robot.
 
@@ -46,6 +52,7 @@ def write_load(load: FlangeLoad, to: str | Sequence[str], out: Path | str) -> tu
         load: The load in the axes of the flange.
         to: Names of controllers of `armid.export.load.catalogue.CONTROLLERS`: one, several, or a list with commas.
         out: Folder for the files.
+        further: Function that makes further files about those of the controllers.
 
     Raises:
         OutputError: A controller is unknown, a number is outside the bounds that a vendor documents, or a file exists
@@ -55,16 +62,13 @@ def write_load(load: FlangeLoad, to: str | Sequence[str], out: Path | str) -> tu
     texts = {name: CONTROLLERS[name].write(load) for name in controller_names(to)}
     for text in texts.values():
         _refuse_others(folder, text)
-    return tuple(
-        WrittenLoad(
-            name,
-            tuple(replace_file(folder / file, content) for file, content in text.files.items()),
-            load.flange,
-            text.numbers,
-            text.findings,
-        )
+    written = tuple(
+        WrittenLoad(name, tuple(folder / file for file in text.files), load.flange, text.numbers, text.findings)
         for name, text in texts.items()
     )
+    files = {file: content for text in texts.values() for file, content in text.files.items()}
+    replace_files(folder, {**files, **({} if further is None else further(written))})
+    return written
 
 
 def controller_names(to: str | Sequence[str]) -> list[str]:

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Unpack
 
-from armid.atomic_file import replace_file
 from armid.errors import OutputError
 from armid.export.catalogue import EXPORTERS
 from armid.export.input_digest_check import find_source, unseen_recordings
@@ -16,6 +15,7 @@ from armid.export.sidecar import origin_line, refuse_overwriting, side_record
 from armid.export.types import DescriptionSource, WrittenDescription
 from armid.export.verification import verify
 from armid.export.write import SIDE, Exported, findings_on_sidecar
+from armid.output.file_group import replace_files
 from armid.runs.run import Run
 from armid.study.storage.records import to_json
 
@@ -54,12 +54,15 @@ def export_for_ros(
     files, again = _made(kind, run, source, written)
     unseen, unphysical = unseen_recordings(run, data), prepared.is_unphysical
     verified = verify(exporter, again, prepared.content, run, prepared.theta, unseen, unphysical=unphysical)
-    paths = _written(files, Path(run.folder) / to if out is None else Path(out), run)
-    side = _side(run, prepared, files, paths[0])
+    folder = Path(run.folder) / to if out is None else Path(out)
+    _refuse_others(files, folder, run)
+    *paths, side = replace_files(folder, {**files, **_side(run, prepared, files)})
     findings = (*prepared.findings, *prepared.far, *written.findings)
     findings = (*findings, *findings_on_sidecar(run, exporter, side.name), *verified.findings)
     edited = source.path if edits else ""
-    return Exported(paths[0], side, to, edited, prepared.kind, verified.checks, verified.predictions, findings, paths)
+    return Exported(
+        paths[0], side, to, edited, prepared.kind, verified.checks, verified.predictions, findings, tuple(paths)
+    )
 
 
 def _foreign(to: str, description: str) -> OutputError:
@@ -83,16 +86,17 @@ def _made(
     return files, WrittenDescription(kind.expanded(files, rest), written.findings)
 
 
-def _written(files: Mapping[str, str], folder: Path, run: Run) -> tuple[Path, ...]:
-    """Writes the files, unless files exist that are not an export of this run."""
-    paths = {folder / name: text for name, text in files.items()}
+def _refuse_others(files: Mapping[str, str], folder: Path, run: Run) -> None:
+    """Refuses to overwrite files that are not an export of this run."""
+    paths = [folder / name for name in files]
     present = {path: path.read_text(encoding="utf-8", errors="replace") for path in paths if path.is_file()}
     refuse_overwriting([path for path, text in present.items() if origin_line(run) not in text], run)
-    return tuple(replace_file(path, text) for path, text in paths.items())
 
 
-def _side(run: Run, prepared: PreparedExport, files: Mapping[str, str], path: Path) -> Path:
-    """Writes the sidecar file next to the first of the files, and returns its path."""
-    data = next(iter(files.values())).encode()
-    record = side_record(run, prepared.content, prepared.theta, data, path.name, prepared.kind)
-    return replace_file(path.with_name(f"{path.name}{SIDE}"), to_json(record) + "\n")
+def _side(run: Run, prepared: PreparedExport, files: Mapping[str, str]) -> dict[str, str]:
+    """Name and text of the sidecar file, which is next to the first of the files."""
+    first = next(iter(files))
+    record = side_record(
+        run, prepared.content, prepared.theta, files[first].encode(), Path(first).name, prepared.kind
+    )
+    return {f"{first}{SIDE}": to_json(record) + "\n"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -119,6 +119,7 @@ def save_design(
     formats: Sequence[str] = tuple(FORMATS),
     rate: float | None = None,
     rehearsal: float = 0.2,
+    pages: Callable[[Path], None] | None = None,
 ) -> Path:
     """Writes the folder of a design, completely or not at all.
 
@@ -130,6 +131,8 @@ def save_design(
         formats: Names of the formats of the motion files; formats that cannot represent this arm are left out.
         rate: Sample rate in every format [Hz]; if not given, the default of each format.
         rehearsal: Speed of the rehearsal (the same motion, but slower), as a share of the speed of the plan.
+        pages: Function that writes further files into a folder that is given to it, before the plan replaces an
+            earlier one.
     """
     record = plan_record(designed)
     with whole_folder(folder, PLAN_FILE, "plan") as draft:
@@ -138,6 +141,8 @@ def save_design(
         replace_file(draft / "preflight.json", to_json(report_record(designed)) + "\n")
         replace_file(draft / "preflight.txt", report_text(designed))
         replace_file(draft / PLAN_FILE, to_json(record) + "\n")
+        if pages is not None:
+            pages(draft)
     return Path(folder)
 
 

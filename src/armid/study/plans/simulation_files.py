@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,18 +10,20 @@ from pathlib import Path
 
 import numpy as np
 
-from armid.atomic_file import replace_file
 from armid.errors import OutputError, did_you_mean
 from armid.excitation.fourier import Excitation
-from armid.hashes import sha256_of_file
 from armid.lab.known_arms import truth_of
 from armid.lab.options import LabOptions
 from armid.lab.simulated_motion import TrueMotion
 from armid.lab.simulation import Simulated, simulate, truth_record
-from armid.measurement.writing import WRITERS, save_recording
+from armid.measurement.writing import WRITERS, recording_bytes
+from armid.output.file_group import replace_files
 from armid.robot.robot import Robot
 from armid.study.plans.plan_reading import series_of
 from armid.study.storage.records import to_json
+
+RECORDING, TRUTH, NOISE_FREE = "recording", "truth.json", "noise-free.npz"
+"""Names of the files of a simulation, the first without its suffix."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -75,8 +78,10 @@ def simulate_to(
 ) -> WrittenSimulation:
     """Simulates an arm and writes `recording.*`, `truth.json` and, if requested, `noise-free.npz` into a folder.
 
+    The files of an earlier simulation in this folder are replaced, all of them or none.
+
     Args:
-        folder: Output folder; other files in it are not changed.
+        folder: Output folder; files that are not of a simulation are not changed.
         robot: The arm.
         plan: The motion along which the arm is moved.
         options: Options of the simulation.
@@ -85,15 +90,16 @@ def simulate_to(
         noise_free: True if motion and torque without noise are written, too.
         tell: Function that is called with the share of the simulation that is done.
     """
-    suffix, folder = refuse_format(kind), Path(folder)
+    suffix = refuse_format(kind)
     done = simulate(truth_of(robot), plan, options, seed=seed, tell=tell)
-    path = save_recording(done.recording, folder / f"recording{suffix}")
-    record = truth_record(done, sha256_of_file(path))
-    truth = replace_file(folder / "truth.json", to_json(record) + "\n")
-    exact = None
+    recording = recording_bytes(done.recording, suffix)
+    truth = to_json(truth_record(done, hashlib.sha256(recording).hexdigest())) + "\n"
+    files: dict[str, bytes | str] = {f"{RECORDING}{suffix}": recording, TRUTH: truth}
     if noise_free:
-        exact = replace_file(folder / "noise-free.npz", _archive(done.trace.from_time(0.0), options.sensing.rate))
-    return WrittenSimulation(done, path, truth, exact)
+        files[NOISE_FREE] = _archive(done.trace.from_time(0.0), options.sensing.rate)
+    stale = (NOISE_FREE, *(f"{RECORDING}{each}" for each in WRITERS))
+    path, truth_path, *exact = replace_files(folder, files, stale=stale)
+    return WrittenSimulation(done, path, truth_path, exact[0] if exact else None)
 
 
 def _archive(trace: TrueMotion, rate: float) -> bytes:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
-import shutil
 import tempfile
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
 from armid.errors import OutputError
+from armid.output.interruption import deferred_signals
+from armid.output.locks import PREFIX, PROBE, claim, complete, locked, resolved, sweep
+from armid.output.renaming import put_in_place, synchronise
+from armid.output.written import add_written
 
 
 @contextmanager
@@ -25,24 +28,33 @@ def whole_folder(folder: Path | str, marker: str, kind: str) -> Generator[Path]:
         OutputError: The folder cannot be written, or has other contents.
     """
     refuse(folder, marker, kind)
-    target = Path(folder).resolve()
-    draft: Path | None = None
+    target = resolved(folder)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        draft = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}."))
-        yield draft
-        mask = os.umask(0)
-        os.umask(mask)
-        draft.chmod(0o777 & ~mask)
-        _put_in_place(draft, target)
+        with locked(target) as lock:
+            try:
+                lock.draft.mkdir(mode=0o700)
+                yield lock.draft
+                mask = os.umask(0)
+                os.umask(mask)
+                lock.draft.chmod(0o777 & ~mask)
+                synchronise(lock.draft)
+                with deferred_signals():
+                    put_in_place(lock.draft, target, lock.aside)
+                    add_written(folder)
+            finally:
+                lock.clear()
     except OSError as error:
         raise OutputError(
             f"{folder} could not be written: {error.strerror or error}.",
             remedy="choose another folder with --out that is writable and has enough free space.",
         ) from error
-    finally:
-        if draft is not None:
-            shutil.rmtree(draft, ignore_errors=True)
+
+
+def completed(folder: Path | str) -> Path:
+    """Path of a folder to be read; files that a killed process had not yet put in their places are put there."""
+    complete(folder)
+    return Path(folder)
 
 
 def refuse(folder: Path | str, marker: str, kind: str) -> None:
@@ -54,9 +66,10 @@ def refuse(folder: Path | str, marker: str, kind: str) -> None:
         kind: Name of such folders in messages, for instance `plan`.
 
     Raises:
-        OutputError: The folder has other contents, is the current working folder, or is not writable.
+        OutputError: The folder has other contents, is the current working folder, is not writable, or is being
+            written by another process.
     """
-    given, folder = folder, Path(folder).resolve()  # `new/../old` is `old`, also where `new` does not exist yet
+    given, folder = folder, resolved(folder)  # `new/../old` is `old`, also where `new` does not exist yet
     try:
         taken = folder.exists() and not (folder / marker).is_file()
         taken = taken and (not folder.is_dir() or any(folder.iterdir()))
@@ -77,26 +90,12 @@ def refuse(folder: Path | str, marker: str, kind: str) -> None:
         )
     nearest = next(parent for parent in folder.parents if parent.exists())
     try:
-        with tempfile.TemporaryDirectory(prefix=".armid-", dir=nearest):
+        sweep(nearest)
+        with tempfile.TemporaryDirectory(prefix=PREFIX, suffix=PROBE, dir=nearest, ignore_cleanup_errors=True):
             pass
+        claim(folder)
     except OSError as error:
-        why = "is not writable" if nearest.is_dir() else "is a file"
+        why = f"is not writable ({error.strerror or error})" if nearest.is_dir() else "is a file"
         raise OutputError(
             f"{given} cannot be written: {nearest} {why}.", remedy="choose another folder with --out."
         ) from error
-
-
-def _put_in_place(draft: Path, folder: Path) -> None:
-    """Renames a complete draft folder to its target; an old folder at the target is deleted only afterwards."""
-    if not folder.exists():
-        draft.rename(folder)
-        return
-    old = folder.with_name(f".{folder.name}.old")
-    shutil.rmtree(old, ignore_errors=True)
-    folder.rename(old)
-    try:
-        draft.rename(folder)
-    except BaseException:
-        old.rename(folder)
-        raise
-    shutil.rmtree(old, ignore_errors=True)

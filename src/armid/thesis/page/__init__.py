@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from armid.atomic_file import replace_file
 from armid.report.page import assemble, require_extra
 from armid.report.section import Section
 from armid.study.storage.atomic_folder import whole_folder
@@ -69,10 +70,10 @@ def write_thesis(thesis: Thesis, folder: Path | str) -> Path:
     require_extra()
     sections = thesis_sections(thesis)
     with whole_folder(folder, MARKER, KIND) as draft:
-        (draft / MARKER).write_text(to_json(thesis_record(thesis)) + "\n", encoding="utf-8")
-        (draft / PAGE).write_text(render_thesis(sections), encoding="utf-8")
+        replace_file(draft / MARKER, to_json(thesis_record(thesis)) + "\n")
+        replace_file(draft / PAGE, render_thesis(sections))
         (draft / "tables").mkdir()
         for table in (table for section in sections.values() for table in section.tables):
-            (draft / "tables" / f"{table.key}.csv").write_text(table.csv(), encoding="utf-8")
-            (draft / "tables" / f"{table.key}.tex").write_text(table.latex(), encoding="utf-8")
+            replace_file(draft / "tables" / f"{table.key}.csv", table.csv())
+            replace_file(draft / "tables" / f"{table.key}.tex", table.latex())
     return Path(folder)
