@@ -15,7 +15,21 @@ from armid.hashes import sha256_of_file
 from armid.measurement.catalogue import READERS, recording_suffixes
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
-from recordings import SECONDS, TABLE, N, T, assert_same, message, write_bag, write_csv, write_parquet, write_workbook
+from recordings import (
+    DQ,
+    SECONDS,
+    TABLE,
+    TAU,
+    N,
+    Q,
+    T,
+    assert_same,
+    message,
+    write_bag,
+    write_csv,
+    write_parquet,
+    write_workbook,
+)
 
 
 def write_npz(path: Path) -> Path:
@@ -32,7 +46,7 @@ def write_hdf5(path: Path) -> Path:
     import h5py
 
     with h5py.File(path, "w") as file:
-        for name, values in TABLE.items():
+        for name, values in (("t", T), ("q", Q), ("dq", DQ), ("tau", TAU)):
             file[name] = values
     return path
 

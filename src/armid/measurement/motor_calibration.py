@@ -85,7 +85,7 @@ def in_angles(
             f"Positions reach {largest:.4g}, so they are not normalised values from -100 to 100; they were read as "
             "degrees."
         )
-        findings = (Finding("units-of-header", "info", "", evidence, lines(units="deg")),)
+        findings = (Finding("units-guessed", "info", "", evidence, lines(units="deg")),)
     normalised = grippers if degrees else range(values["q"].shape[1])
     changed = {key: x.copy() for key, x in values.items()}
     ranges = _calibration(log_format.calibration, folder) if normalised and log_format.calibration else {}

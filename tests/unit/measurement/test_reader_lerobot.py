@@ -143,7 +143,7 @@ def test_degrees_need_a_calibration_for_the_gripper_alone(stated: bool, tmp_path
     without = read_recording(f"{folder}#1", robot, LogFormat(spikes="keep", **units))
     np.testing.assert_allclose(without.q, angles(ticks[EPISODES == 1])[:, :2], atol=SINGLE)
     np.testing.assert_allclose(without.command, angles(asked[EPISODES == 1])[:, :2], atol=SINGLE)  # pyright: ignore
-    assert any(f.code == "units-of-header" for f in without.findings) != stated
+    assert any(f.code == "units-guessed" for f in without.findings) != stated
     with pytest.raises(RecordingError, match="'gripper' is normalised from 0 to 100"):
         read_recording(f"{folder}#1", arm(), LogFormat(**units))
     if stated:

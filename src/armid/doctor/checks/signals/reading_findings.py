@@ -13,6 +13,7 @@ EFFECTS = {
     "columns-guessed": "If the columns are wrong, the estimate is useless; check their names.",
     "units-of-header": "No effect if the units in the column names are right. In a study, the lines of the remedy "
     "state these units.",
+    "units-guessed": "No effect if the positions are degrees: normalised positions cannot be larger than 100.",
     "clock-received": "Jitter of the network and the recorder becomes noise of velocity and acceleration.",
     "joints-extra": "No effect: channels of joints that the model does not have are not used.",
     "joints-merged": "Interpolated values are smoother than measured values, and they are shifted by a fraction of a "
