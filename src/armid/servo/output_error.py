@@ -33,8 +33,8 @@ FEWER, MORE = 0.2, 5.0
 TRANSIENT = 1.0
 """Time at the beginning of a run whose residuals are not used [s]. The simulation starts from a measured position
 with an error of the encoder and from an uncertain velocity; a servo forgets both within a second. With these
-residuals, 45 to 85 % of the 95 % intervals of virtual arms with encoders of 12 bit held the truth; without them, 90 to
-100 %."""
+residuals, 45 to 85 % of the 95 % intervals of virtual arms with encoders of 12 bit held the truth; without them, 90
+to 100 %."""
 
 NOISE = 1e-5
 """Smallest deviation of the residuals of a joint [rad or m], far below the step of any encoder."""
