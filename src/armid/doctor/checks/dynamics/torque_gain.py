@@ -17,6 +17,7 @@ from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import cost_of, products
 from armid.doctor.remedy_trial import HELPS
 from armid.doctor.residuals import gain_by_amount
+from armid.doctor.residuals.large_residual import rival
 from armid.errors import Finding
 from armid.measurement.remedy_builders import lines
 
@@ -74,7 +75,10 @@ def explain(state: LogState) -> Explanation | None:
     The scale may depend on the amount of the torque.
     """
     found = [each for each in (_by_factor(state), gain_by_amount.explain(CODE, state)) if each is not None]
-    return max(found, key=lambda each: each.gain, default=None)
+    best = max(found, key=lambda each: each.gain, default=None)
+    if best is None or best.severity == "error":
+        return best
+    return rival(state, state.model.robot.joint_names.index(best.channel), best.gain) or best
 
 
 def _by_factor(state: LogState) -> Explanation | None:
