@@ -1,4 +1,4 @@
-"""Explanation of a misfit by one cause in all torques: a wave in time, or a gain that falls with the load.
+"""Explanation of a misfit by one cause in all torques: a wave, gains that fall with the load, smoothed channels.
 
 What a model lacks differs from joint to joint. A cause in the supply, the grounding or the base is in all torques,
 and with it the residuals of most joints fall together.
@@ -6,12 +6,14 @@ and with it the residuals of most joints fall together.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from armid.checked_array import Array
-from armid.doctor.check_input import Explanation
+from armid.doctor.check_input import WIDTH, Explanation
 from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import QuickRows, solve
 from armid.doctor.remedy_trial import HELPS, try_remedy
@@ -23,6 +25,13 @@ WAVE, GAIN = 0.4, 0.36
 In recordings of eight arms, whole, in halves and in thirds, it is at most 0.28 and 0.27; a hum of half the standard
 deviation of each torque gives 0.5 to 1.3, a supply that sags by 45 % under load 0.4 to 0.8."""
 
+SMOOTH = 0.1
+"""Smallest decrease by friction that changes its sign smoothly in time. In the same recordings it is at most 0.08;
+means over 1.5 s of all channels give 0.07 to 0.35."""
+
+WIDTHS = (1.0, 1.5, 2.0)
+"""Times of the means that are tried [s]. Friction over a reversal may be smooth for shorter ones on a sound arm."""
+
 JOINTS = 3
 """Smallest number of joints."""
 
@@ -33,6 +42,7 @@ class CommonCause:
 
     Attributes:
         code: Code of the finding.
+        severity: Its severity.
         least: Smallest decrease of the mean logarithm of the RMS residuals.
         text: What the torques contain, in words.
         remedy: Remedy.
@@ -40,6 +50,7 @@ class CommonCause:
     """
 
     code: str
+    severity: Literal["error", "warning"]
     least: float
     text: str
     remedy: str
@@ -51,7 +62,11 @@ def explain(state: LogState) -> Explanation | None:
     if state.rows.n < JOINTS or state.log.band.is_open or not all(run.consecutive for run in state.log.runs):
         return None
     added = AddedColumns(state)
-    found = [(gain, cause) for cause in (_wave(state), _load(state)) if (gain := _gain(added, cause)) > cause.least]
+    found = [
+        (gain, cause)
+        for cause in (_wave(state), _load(state), *_smooth(state))
+        if (gain := _gain(added, cause)) > cause.least
+    ]
     best = max(found, key=lambda each: each[0] - each[1].least, default=None)
     return None if best is None else _explained(state, best[1])
 
@@ -81,7 +96,7 @@ def _explained(state: LogState, cause: CommonCause) -> Explanation | None:
     return Explanation(
         cause.code,
         gain,
-        "warning",
+        cause.severity,
         "",
         f"{cause.text} (standard deviation: {sizes}). With it in the model, the residual is "
         f"{1.0 - np.exp(-gain):.0%} smaller.",
@@ -109,7 +124,33 @@ def _wave(state: LogState) -> CommonCause:
     columns = np.repeat(phase[:, :, None], state.rows.n, axis=2)
     text = f"The torques contain a wave of {frequency:.2g} Hz that no motion causes"
     remedy = "find out where the wave comes from (hum of the mains, an alias, vibration of the base) and record again"
-    return CommonCause("channel-noisy", WAVE, text, remedy, columns)
+    return CommonCause("channel-noisy", "warning", WAVE, text, remedy, columns)
+
+
+def _smooth(state: LogState) -> Iterator[CommonCause]:
+    """Friction whose sign changes smoothly in time, as where all channels were averaged over a second or more."""
+    rows = state.rows
+    sense = np.tanh(rows.motion.dq / WIDTH)
+    remedy = "log all channels without filters; do not smooth or interpolate them over more than a tenth of a second"
+    for seconds in WIDTHS:
+        text = (
+            f"The friction changes its sign within about {seconds:g} s, as if all channels had been averaged over "
+            "this time"
+        )
+        smooth = _averaged(rows, sense, seconds)
+        yield CommonCause("filtered-before-logging", "error", SMOOTH, text, remedy, smooth[None])
+
+
+def _averaged(rows: QuickRows, values: Array, seconds: float) -> Array:
+    """Means of values (M, n) over some seconds about each row, within each run."""
+    half, result = max(1, round(0.5 * seconds * rows.rate)), np.empty_like(values)
+    for run in range(int(rows.run[-1]) + 1):
+        first, stop = np.searchsorted(rows.run, [run, run + 1])
+        total = np.vstack([np.zeros(values.shape[1]), np.cumsum(values[first:stop], axis=0)])
+        at = np.arange(stop - first)
+        begin, end = np.maximum(at - half, 0), np.minimum(at + half + 1, stop - first)
+        result[first:stop] = (total[end] - total[begin]) / (end - begin)[:, None]
+    return result
 
 
 def _load(state: LogState) -> CommonCause:
@@ -123,4 +164,4 @@ def _load(state: LogState) -> CommonCause:
     together = np.stack([each.sum(axis=1) for each in (speed, effort, speed * effort)])
     text = "The gains of the torques depend on the speed, torque or power of all joints together"
     remedy = "find out what limits the drives together (supply, brake chopper, temperature) and record more gently"
-    return CommonCause("torque-gain", GAIN, text, remedy, together[:, :, None] * torque)
+    return CommonCause("torque-gain", "warning", GAIN, text, remedy, together[:, :, None] * torque)

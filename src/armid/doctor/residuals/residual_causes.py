@@ -22,8 +22,11 @@ from armid.doctor.residuals.wave_in_time import strongest_wave
 MODULATED = 0.15
 """Further share that a torque of another joint that changes with the angle must explain: many are tried."""
 
-KNOTS, TIMES, WAVES = 8, 6, 2
-"""Number of knots along the range of a joint and along the log, and of waves in a turn by which a gain may change."""
+KNOTS, MOST_KNOTS, APART = 8, 16, 0.4
+"""Smallest and largest number of knots along the range of a joint, and distance that they may have between [rad]."""
+
+TIMES, WAVES = 6, 2
+"""Number of knots along the log, and of waves in a turn by which a gain may change."""
 
 LAGS = (0.3, 3.0)
 """Time constants of the lags of a torque that are tried [s]."""
@@ -90,7 +93,7 @@ def _other_joints(state: LogState, j: int, torque: Array) -> Iterator[ResidualCa
         yield ResidualCause("changes-midway", "warning", f"{of} in a part of the log", PARTS, both, MODULATED, 0.55)
         loaded = (sense * np.abs(other))[None]
         yield ResidualCause("friction-missing", "warning", f"{of}, as friction", FRICTION, loaded, least=0.3)
-        angle = _knots(q[:, k], KNOTS)
+        angle = _angles(q[:, k])
         yield ResidualCause("residual-by-angle", "warning", f"the angle of {names[k]}", SPRING, angle, MODULATED, 0.4)
     moving, loads = np.abs(dq) / _size(dq), np.abs(rows.torque) / _size(rows.torque)
     together = torque * np.stack([each.sum(axis=1) for each in (moving, loads, moving * loads)])
@@ -102,7 +105,7 @@ def _other_joints(state: LogState, j: int, torque: Array) -> Iterator[ResidualCa
 def _angle_and_velocity(state: LogState, j: int, torque: Array) -> Iterator[ResidualCause]:
     """Angle and velocity of the joint itself, each alone and with its friction; arguments as in `_other_joints`."""
     q, dq = state.rows.motion.q[:, j], state.rows.motion.dq[:, j]
-    sense, angle = np.tanh(dq / WIDTH), _knots(q, KNOTS)
+    sense, angle = np.tanh(dq / WIDTH), _angles(q)
     yield ResidualCause("residual-by-angle", "warning", "its angle", SPRING, angle, least=0.85)
     yield ResidualCause("residual-by-angle", "warning", "its angle, as friction", SPRING, sense * angle, least=0.35)
     turn = np.stack([wave(k * q) for k in range(1, WAVES + 1) for wave in (np.sin, np.cos)])
@@ -140,6 +143,11 @@ def _torque_and_time(state: LogState, j: int, torque: Array) -> Iterator[Residua
 def _size(values: Array) -> Array:
     """RMS of values (M, n), shape (n,), not zero."""
     return np.maximum(np.sqrt(np.mean(values**2, axis=0)), np.finfo(float).tiny)
+
+
+def _angles(q: Array) -> Array:
+    """Functions that are linear between knots along the range of positions (M,), shape (k, M)."""
+    return _knots(q, int(np.clip(np.ptp(q) / APART + 1.0, KNOTS, MOST_KNOTS)))
 
 
 def _times(rows: QuickRows) -> Array:
