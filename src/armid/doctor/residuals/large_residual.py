@@ -47,7 +47,7 @@ single joints: in half of such logs, one was found that was wrong."""
 MEDIAN_OF_NORMAL = 0.6745
 """Median amount of a standard normal number."""
 
-FAINT = 0.35
+FAINT = 0.3
 """Residual, relative to the largest usual one, from which a cause is sought."""
 
 CLEARLY = 0.01

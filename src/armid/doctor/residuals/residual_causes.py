@@ -92,7 +92,7 @@ def _other_joints(state: LogState, j: int, torque: Array) -> Iterator[ResidualCa
         both = np.vstack([other * time, torque * time])
         yield ResidualCause("changes-midway", "warning", f"{of} in a part of the log", PARTS, both, MODULATED, 0.55)
         loaded = (sense * np.abs(other))[None]
-        yield ResidualCause("friction-missing", "warning", f"{of}, as friction", FRICTION, loaded, least=0.3)
+        yield ResidualCause("friction-missing", "warning", f"{of}, as friction", FRICTION, loaded, least=0.25)
         angle = _angles(q[:, k])
         yield ResidualCause("residual-by-angle", "warning", f"the angle of {names[k]}", SPRING, angle, MODULATED, 0.4)
     moving, loads = np.abs(dq) / _size(dq), np.abs(rows.torque) / _size(rows.torque)

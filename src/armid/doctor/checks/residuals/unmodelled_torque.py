@@ -72,21 +72,22 @@ NOISY = "channel-noisy"
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports springs over two joints, and each joint whose residual follows a law that the model does not have.
+    """Reports springs over two joints, waves, and each joint whose residual follows a law that the model lacks.
 
-    If the study has terms that the doctor's model lacks, nothing is reported, because what they explain would look
-    like such a law.
+    If the study has terms that the doctor's model lacks, springs and laws are not reported, because what these terms
+    explain would look like them; what was preferred to another fault is reported.
     """
+    by_angle, names = evidence.explained(ANGLE), evidence.robot.joint_names
+    pairs = {", ".join(pair): pair for pair in permutations(names, 2)}
+    springs = [each for each in by_angle if each.channel in pairs]
+    others = [each for each in by_angle if each.channel not in pairs]
+    others += [each for code in (FRICTION, NOISY) for each in evidence.explained(code)]
     if evidence.corrected is not None and _has_further_terms(evidence, evidence.corrected):
-        return []
-    springs = evidence.explained(ANGLE)
-    channels = {each.channel for each in springs}
-    pairs = [pair for pair in permutations(evidence.robot.joint_names, 2) if ", ".join(pair) in channels]
-    known = {name for pair in pairs for name in pair} | channels
-    others = [found for code in (FRICTION, NOISY) for found in evidence.explained(code)]
-    known |= {each.channel for each in others}
+        return others
+    known = {each.channel for each in others} | {name for each in springs for name in pairs[each.channel]}
     single = _of_single_joints(evidence, known)
-    return [*springs, *others, *single, *_of_large_residuals(evidence, known | {each.channel for each in single})]
+    known |= {each.channel for each in single}
+    return [*springs, *others, *single, *_of_large_residuals(evidence, known)]
 
 
 def explain(state: LogState) -> Explanation | None:
