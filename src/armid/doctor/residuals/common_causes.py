@@ -29,8 +29,9 @@ SMOOTH = 0.1
 """Smallest decrease by friction that changes its sign smoothly in time. In the same recordings it is at most 0.08;
 means over 1.5 s of all channels give 0.07 to 0.35."""
 
-WIDTHS = (1.0, 1.5, 2.0)
-"""Times of the means that are tried [s]. Friction over a reversal may be smooth for shorter ones on a sound arm."""
+WIDTHS = (0.5, 1.0, 1.5, 2.0)
+"""Times of the means that are tried [s]. The first one must explain less than another: filters of torques make the
+friction smooth for as long on a recorded arm."""
 
 JOINTS = 3
 """Smallest number of joints."""
@@ -62,11 +63,10 @@ def explain(state: LogState) -> Explanation | None:
     if state.rows.n < JOINTS or state.log.band.is_open or not all(run.consecutive for run in state.log.runs):
         return None
     added = AddedColumns(state)
-    found = [
-        (gain, cause)
-        for cause in (_wave(state), _load(state), *_smooth(state))
-        if (gain := _gain(added, cause)) > cause.least
-    ]
+    shortest, *smooth = [(_gain(added, cause), cause) for cause in _smooth(state)]
+    tried = [(_gain(added, cause), cause) for cause in (_wave(state), _load(state))]
+    tried += [each for each in smooth if each[0] > shortest[0]]
+    found = [each for each in tried if each[0] > each[1].least]
     best = max(found, key=lambda each: each[0] - each[1].least, default=None)
     return None if best is None else _explained(state, best[1])
 
