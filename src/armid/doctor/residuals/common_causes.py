@@ -157,9 +157,9 @@ def _load(state: LogState) -> CommonCause:
     """Gains of all torques that depend on speed, torque and power of all joints together."""
     rows, fit = state.rows, state.fit
     torque = np.where(rows.mask, rows.torque - fit.residual, 0.0)
+    # The measured torque would show a change of all torques along the log in their load.
     speed, effort = (
-        np.abs(x) / np.maximum(np.sqrt(np.mean(x**2, axis=0)), np.finfo(float).tiny)
-        for x in (rows.motion.dq, rows.torque)
+        np.abs(x) / np.maximum(np.sqrt(np.mean(x**2, axis=0)), np.finfo(float).tiny) for x in (rows.motion.dq, torque)
     )
     together = np.stack([each.sum(axis=1) for each in (speed, effort, speed * effort)])
     text = "The gains of the torques depend on the speed, torque or power of all joints together"
