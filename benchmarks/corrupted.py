@@ -48,6 +48,7 @@ from fifth_kinds import FIFTH
 from fourth_kinds import FOURTH
 from further_kinds import FURTHER
 from later_kinds import LATER
+from seventh_kinds import SEVENTH
 from sixth_kinds import SIXTH
 
 STUDIES = Path(__file__).parents[1] / "tests" / "real" / "studies"
@@ -243,7 +244,7 @@ def main() -> None:
     parser.add_argument("--verbose", action="store_true", help="a line for each identification")
     parser.add_argument("--json", type=Path, help="file that is written")
     options = parser.parse_args()
-    every = (*KINDS, *FURTHER, *LATER, *FOURTH, *FIFTH, *SIXTH)
+    every = (*KINDS, *FURTHER, *LATER, *FOURTH, *FIFTH, *SIXTH, *SEVENTH)
     kinds = [kind for kind in every if any(text in f"{kind.family}: {kind.name}" for text in options.kinds)]
     outcomes: list[Outcome] = []
     for name in options.arms:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 SEVERITIES = {"error", "warning", "info"}
-MAKERS = {"Finding": 1, "Explanation": 2, "ResidualCause": 1}
+MAKERS = {"Finding": 1, "Explanation": 2, "ResidualCause": 1, "CommonCause": 1}
 """Makers of findings, and of causes that become findings, with the position of the severity among their arguments;
 the first is the code."""
 

@@ -15,7 +15,8 @@ from sick import Case, sound
 UR10E = 4
 """Seed of a log of this arm."""
 
-JOINT, OTHER = 1, 2
+JOINT, OTHER, TURNING = 1, 2, 0
+"""The joint whose torque is changed, another one, and one whose torque changes its sign all the time."""
 
 SIZE = 0.6
 """Size of the added torque, in standard deviations of the torque of the joint."""
@@ -62,3 +63,13 @@ def test_white_noise_is_no_large_residual():
     noise = np.random.default_rng(3)
     case = with_torque(lambda each: noise.standard_normal(each.motion.samples), 2.0)
     assert "residual-large" not in {code for code, *_ in told(case)}
+
+
+def test_friction_that_grows_with_the_torque_of_another_joint_is_named():
+    case = with_torque(lambda each: np.tanh(each.motion.dq[:, JOINT] / 0.02) * np.abs(each.torque[:, TURNING]), 1.5)
+    assert ("friction-missing", case.robot.joint_names[JOINT]) in {each[:2] for each in told(case)}
+
+
+def test_a_torque_that_follows_the_angle_of_another_joint_is_named():
+    case = with_torque(lambda each: np.sin(2.0 * each.motion.q[:, OTHER] + 0.5))
+    assert ("residual-by-angle", case.robot.joint_names[JOINT]) in {each[:2] for each in told(case)}

@@ -55,6 +55,28 @@ class AddedColumns:
         inverse = np.linalg.pinv(left + RIDGE * np.diag(whole.diagonal()), hermitian=True)
         return float(along @ inverse @ along) / max(int(rows.mask[:, j].sum()), 1)
 
+    def decreases_of_laws(self, j: int, laws: Sequence[Array]) -> Array:
+        """Decreases of the squared residual by laws, as `decrease_together` gives them, in less time.
+
+        Args:
+            j: Index of the joint on whose torque the laws act.
+            laws: Columns of each law, shape (k, M).
+        """
+        rows, fit = self.state.rows, self.state.fit
+        mask, parameters = rows.mask[:, j] / fit.sigma[j], rows.parameters[j]
+        added = np.concatenate(laws) * mask
+        beside = (rows.columns[j] * mask) @ added.T
+        covered = self.inverse[np.ix_(parameters, parameters)] @ beside
+        along = added @ (fit.residual[:, j] / fit.sigma[j])
+        power = np.sum(added * added, axis=1)
+        ends = np.cumsum([len(law) for law in laws])
+        decreases = np.zeros(len(laws))
+        for k, (first, stop) in enumerate(zip(ends - [len(law) for law in laws], ends, strict=True)):
+            own = slice(first, stop)
+            left = added[own] @ added[own].T - beside[:, own].T @ covered[:, own] + RIDGE * np.diag(power[own])
+            decreases[k] = along[own] @ (np.linalg.pinv(left, hermitian=True) @ along[own])
+        return decreases / max(int(rows.mask[:, j].sum()), 1)
+
     def decrease_of_all(self, columns: Array) -> tuple[float, Array]:
         """Decrease of the squared residual, as `decreases` states it, by columns that act on all joints together.
 

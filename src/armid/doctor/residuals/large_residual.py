@@ -8,20 +8,19 @@ functions of the joint's angle, its velocity and the time.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.doctor.changes.alternatives import weights_by_axis
-from armid.doctor.check_input import WIDTH
+from armid.doctor.check_input import Explanation
 from armid.doctor.fitted_log import LogState
-from armid.doctor.quick_fit import QuickRows
-from armid.doctor.remedy_trial import RemedyTrial, try_remedy
+from armid.doctor.quick_fit import QuickRows, solve
+from armid.doctor.remedy_trial import HELPS, RemedyTrial, try_remedy
 from armid.doctor.residuals.added_columns import AddedColumns
+from armid.doctor.residuals.residual_causes import ResidualCause, causes_of
 from armid.errors import Finding
 
 CODE = "residual-large"
@@ -48,92 +47,70 @@ single joints: in half of such logs, one was found that was wrong."""
 MEDIAN_OF_NORMAL = 0.6745
 """Median amount of a standard normal number."""
 
+FAINT = 0.3
+"""Residual, relative to the largest usual one, from which a cause is sought."""
+
+CLEARLY = 0.01
+"""Smallest difference of two decreases of the mean logarithm of the RMS residuals from which the larger one decides
+between two faults of one torque."""
+
 FOLLOWS = 0.4
 """Share of the squared residual from which the residual follows functions: share that they explain, minus the share
 that as many functions explain of a residual of the same autocorrelation by chance."""
 
-MODULATED = 0.15
-"""Further share that a torque of another joint that changes with the angle must explain: many are tried."""
-
-KNOTS, TIMES, WAVES = 8, 6, 2
-"""Number of knots along the range of a joint and along the log, and of waves in a turn by which a gain may change."""
-
-LAGS = (0.3, 3.0)
-"""Time constants of the lags of a torque that are tried [s]."""
-
-SPEEDS = (0.1, 0.3)
-"""Speeds below which the joint counts as slow, relative to its largest one."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ResidualCause:
-    """Functions that the residual of a joint may follow.
-
-    Attributes:
-        code: Code of the finding.
-        severity: Its severity.
-        text: What the residual follows, in words.
-        remedy: Remedy.
-        columns: Values of the functions, shape (k, M).
-        price: Share of the squared residual that the functions must explain beyond `FOLLOWS`.
-    """
-
-    code: str
-    severity: Literal["warning"]
-    text: str
-    remedy: str
-    columns: Array
-    price: float = 0.0
-
 
 def findings(state: LogState, left_out: NDArray[np.bool_]) -> list[Finding]:
-    """Findings on joints with a large residual: one for each cause, and one for all residuals without a cause.
+    """Findings on joints whose residual is large or follows a cause, and one for large residuals without a cause.
 
     Args:
         state: The log, in which all faults that were found are corrected.
         left_out: Mask of the joints that are not examined, shape (n,).
     """
-    robot = state.model.robot
-    large = np.flatnonzero(large_residuals(state) & ~left_out)
+    names, relative = state.model.robot.joint_names, _relative_residuals(state)
+    large = (relative > 1.0) & ~left_out
     found: list[Finding] = []
     unknown: list[int] = []
-    for j in map(int, large):
-        best = _best_cause(state, j) if len(large) < COMMON else None
-        if best is None:
+    for j in map(int, np.flatnonzero((relative > FAINT) & ~left_out)):
+        best = joint_cause(state, j, float(relative[j]), large=bool(large[j])) if large.sum() < COMMON else None
+        if best is not None:
+            cause = best.cause
+            text = f"{_size(state, j, large=bool(large[j]))} It follows {cause.text}. {best.trial}"
+            found.append(Finding(cause.code, cause.severity, names[j], text, cause.remedy))
+        elif large[j]:
             unknown.append(j)
-            continue
-        cause, trial = best
-        text = f"{_size(state, j)} It follows {cause.text}. {trial}"
-        found.append(Finding(cause.code, cause.severity, robot.joint_names[j], text, cause.remedy))
     if unknown:
         text = f"{' '.join(_size(state, j) for j in unknown)} No cause was found."
         remedy = "find out what differs between the log and the arm, in the joint, its sensors or the logger"
-        found.append(Finding(CODE, "warning", ", ".join(robot.joint_names[j] for j in unknown), text, remedy))
+        found.append(Finding(CODE, "warning", ", ".join(names[j] for j in unknown), text, remedy))
     return found
 
 
-def large_residuals(state: LogState) -> NDArray[np.bool_]:
-    """Mask of the joints whose residual is larger than what models of sound arms leave, shape (n,)."""
+def _relative_residuals(state: LogState) -> Array:
+    """Residual of each joint, relative to the largest one that models of sound arms leave, shape (n,).
+
+    It is zero where the residual is the noise of the torque.
+    """
     size, friction, sigma = _deviation(state.rows), _friction(state), state.fit.sigma
-    large = sigma > USUAL[0] * friction + USUAL[1] * size
-    if not large.any():
-        return large
-    large &= sigma > NOISE * _noise(state)
+    tiny = np.finfo(float).tiny
+    relative = sigma / np.maximum(USUAL[0] * friction + USUAL[1] * size, tiny)
+    if not (relative > FAINT).any():
+        return relative
     weight = np.tensordot(state.model.robot.gravity, weights_by_axis(state), 1)
     loaded = _deviation(replace(state.rows, torque=weight)) > LOADED * size
-    return large & (loaded | (sigma > USUAL_UNLOADED[0] * friction + USUAL_UNLOADED[1] * size))
+    unloaded = sigma / np.maximum(USUAL_UNLOADED[0] * friction + USUAL_UNLOADED[1] * size, tiny)
+    return np.where(sigma > NOISE * _noise(state), np.where(loaded, relative, unloaded), 0.0)
 
 
-def _size(state: LogState, j: int) -> str:
-    """Sentence on the size of the residual of joint j."""
+def _size(state: LogState, j: int, *, large: bool = True) -> str:
+    """Sentences on the size of the residual of joint j, and on that of sound arms if it is large."""
     joint, sigma, friction = state.model.robot.joints[j], float(state.fit.sigma[j]), float(_friction(state)[j])
     unit = joint.effort_unit
     share = sigma / max(float(_deviation(state.rows)[j]), np.finfo(float).tiny)
     return (
         f"The RMS residual of {state.model.robot.joint_names[j]} is {sigma:.3g} {unit}, {share:.0%} of "
         f"the standard deviation of its torque, and the RMS friction of the model {friction:.3g} {unit}. "
-        "On sound arms the residual is smaller."
-    )
+        + ("On sound arms the residual is smaller." if large else "")
+    ).rstrip()
 
 
 def _deviation(rows: QuickRows) -> Array:
@@ -160,85 +137,82 @@ def _friction(state: LogState) -> Array:
     return result
 
 
-def _best_cause(state: LogState, j: int) -> tuple[ResidualCause, RemedyTrial] | None:
-    """Cause that explains most of the residual of joint j, with the test on left-out motion; `None` without one."""
+@dataclass(frozen=True, slots=True, eq=False)
+class JointCause:
+    """Cause that explains most of the residual of a joint.
+
+    Attributes:
+        joint: Index of the joint.
+        cause: The cause.
+        share: Share of the squared residual that it explains beyond chance.
+        gain: Decrease of the mean logarithm of the RMS residuals.
+        torque: Torque of the cause, shape (M,) [N·m or N].
+        trial: Errors on left-out motion without and with the cause.
+    """
+
+    joint: int
+    cause: ResidualCause
+    share: float
+    gain: float
+    torque: Array
+    trial: RemedyTrial
+
+
+def joint_cause(state: LogState, j: int, relative: float, *, large: bool) -> JointCause | None:
+    """Cause that explains most of the residual of joint j and lowers the error on left-out motion, if there is one.
+
+    Args:
+        state: The log.
+        j: Index of the joint.
+        relative: Residual of the joint, relative to the largest usual one.
+        large: False if the cause must explain as much as its `least` says.
+    """
     added, rows = AddedColumns(state), state.rows
     chance = float(state.fit.autocorrelation[j]) / max(int(rows.mask[:, j].sum()), 1)
-    score = [
-        (added.decrease_together(j, each.columns) - len(each.columns) * chance - each.price, k, each)
-        for k, each in enumerate(_causes(state, j))
-    ]
-    share, _, best = max(score)
-    if share < FOLLOWS:
+    causes = list(causes_of(state, j))
+    price = np.array([len(each.columns) * chance + each.price for each in causes])
+    score = added.decreases_of_laws(j, [each.columns for each in causes]) - price
+    best, share = causes[int(np.argmax(score))], float(score.max())
+    if share < FOLLOWS or not (large or np.sqrt(share) * relative > best.least):
         return None
     columns, parameters = list(rows.columns), list(rows.parameters)
     more = np.arange(rows.count, rows.count + len(best.columns), dtype=np.int32)
     columns[j], parameters[j] = np.vstack([columns[j], best.columns]), np.append(parameters[j], more)
     after = replace(rows, columns=tuple(columns), parameters=tuple(parameters), count=rows.count + len(more))
     trial = try_remedy(rows, after)
-    return (best, trial) if trial.helps else None
+    if not trial.helps:
+        return None
+    fit = solve(after)
+    lost = 0.5 * len(more) * chance / rows.n
+    torque = fit.values[rows.count :] @ best.columns
+    return JointCause(j, best, share, state.fit.cost - fit.cost - lost, torque, trial)
 
 
-def _causes(state: LogState, j: int) -> Iterator[ResidualCause]:
-    """Everything that the residual of joint j is compared with."""
-    rows, names = state.rows, state.model.robot.joint_names
-    q, dq = rows.motion.q[:, j], rows.motion.dq[:, j]
-    torque = np.where(rows.mask[:, j], rows.torque[:, j] - state.fit.residual[:, j], 0.0)
-    sense, one = np.tanh(dq / WIDTH), np.ones_like(q)
-    fastest = max(float(np.abs(dq).max()), np.finfo(float).tiny)
-    angle, time = _knots(q, KNOTS), _knots(np.arange(len(q), dtype=np.float64), TIMES)
-    slow = np.stack([np.exp(-((dq / (fastest * speed)) ** 2)) for speed in SPEEDS])
-    turn = np.stack([wave(k * q) for k in range(1, WAVES + 1) for wave in (np.sin, np.cos)])
-    for k in range(rows.n):
-        if k == j:
-            continue
-        other, of = rows.torque[:, k], f"the torque of {names[k]}"
-        yield ResidualCause("cross-talk", "warning", of, WIRING, other[None])
-        yield ResidualCause(
-            "cross-talk", "warning", f"{of}, with its angle", WIRING, other * np.stack([one, *turn[:2]]), MODULATED
-        )
-        both = np.vstack([other * time, torque * time])
-        yield ResidualCause("changes-midway", "warning", f"{of} in a part of the log", PARTS, both, MODULATED)
-    yield ResidualCause("residual-by-angle", "warning", "its angle", SPRING, angle)
-    yield ResidualCause("residual-by-angle", "warning", "its angle, as friction", SPRING, sense * angle)
-    yield ResidualCause("residual-by-angle", "warning", "its torque, with its angle", SENSOR, torque * turn)
-    laws = np.stack([dq * np.abs(dq), np.sign(dq) * np.sqrt(np.abs(dq)), np.abs(dq), np.abs(sense), *(sense * slow)])
-    yield ResidualCause("friction-missing", "warning", "its velocity", FRICTION, laws)
-    yield ResidualCause(
-        "friction-missing", "warning", "its torque, as friction", FRICTION, (sense * np.abs(torque))[None]
+def rival(state: LogState, j: int, gain: float) -> Explanation | None:
+    """Explains the misfit by a cause in the torque of joint j that lowers the residuals more than another fault.
+
+    Args:
+        state: The log.
+        j: Index of the joint.
+        gain: Decrease of the mean logarithm of the RMS residuals by the other fault of this torque.
+    """
+    if state.log.band.is_open or not all(run.consecutive for run in state.log.runs):
+        return None
+    found = joint_cause(state, j, float(_relative_residuals(state)[j]), large=True)
+    if found is None or found.gain < gain + CLEARLY:
+        return None
+    name, cause = state.model.robot.joint_names[j], found.cause
+    change = np.zeros_like(state.rows.torque)
+    change[:, j] = found.torque
+    return Explanation(
+        cause.code,
+        found.gain,
+        cause.severity,
+        name,
+        f"{_size(state, j, large=False)} It follows {cause.text}; with this, the residual is "
+        f"{1.0 - np.exp(-found.gain * state.rows.n):.0%} smaller.",
+        lambda evidence: cause.remedy,
+        state.without_torque(change),
+        worse=HELPS,
+        trial=found.trial,
     )
-    deviation = max(float(torque.std()), np.finfo(float).tiny)
-    amounts = np.stack([np.abs(torque), np.tanh(10.0 * torque / deviation), torque * np.abs(torque), torque])
-    yield ResidualCause("torque-gain", "warning", "the amount of its torque", SENSOR, amounts)
-    yield ResidualCause("torque-gain", "warning", "its torque, with its speed", SENSOR, torque * slow)
-    yield ResidualCause("changes-midway", "warning", "the time, as an offset", PARTS, time)
-    yield ResidualCause("changes-midway", "warning", "its torque, with the time", PARTS, torque * time)
-    yield ResidualCause("changes-midway", "warning", "its friction, with the time", PARTS, sense * time)
-    late = [np.gradient(torque) * rows.rate, *(_lagged(torque, rows, seconds) for seconds in LAGS)]
-    yield ResidualCause("joint-delay", "warning", "its torque at earlier times", LATE, np.stack(late))
-
-
-def _knots(x: Array, count: int) -> Array:
-    """Functions of values (M,) that are linear between knots over the range of the values, shape (count, M)."""
-    knots = np.linspace(float(x.min()), float(x.max()), count)
-    step = max(float(knots[1] - knots[0]), np.finfo(float).tiny)
-    return np.clip(1.0 - np.abs(x - knots[:, None]) / step, 0.0, None)
-
-
-def _lagged(torque: Array, rows: QuickRows, seconds: float) -> Array:
-    """First-order lag of a torque (M,) within each run."""
-    share, result = 1.0 / (1.0 + seconds * rows.rate), torque.copy()
-    for k in range(1, len(torque)):
-        if rows.run[k] == rows.run[k - 1]:
-            result[k] = result[k - 1] + share * (torque[k] - result[k - 1])
-    return result
-
-
-WIRING = "find out the cause, in the wiring, the sensor, the logger or coupled drives"
-PARTS = "find out what changed during the recording, and record again without it"
-SPRING = (
-    "find out the cause (spring, stop, cable, hose or damage at an angle) and remove it, or leave these angles out"
-)
-SENSOR = "calibrate the torque of the joint, or the current of its drive, over its whole range"
-FRICTION = 'find out the cause in the joint (brake, seal, gear, grease), or select friction with `terms = "auto"`'
-LATE = "log the torque without filters, at the same time as the positions"

@@ -19,6 +19,7 @@ from armid.doctor.changes.torque_jumps import TorqueJump, torque_jumps
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.fitted_log import LogState
+from armid.doctor.residuals.large_residual import rival
 from armid.errors import Finding
 from armid.measurement.remedy_builders import excluding
 
@@ -52,11 +53,15 @@ def check(evidence: LogEvidence) -> list[Finding]:
 def explain(state: LogState) -> Explanation | None:
     """Explains the misfit of the model by a change within the log; `None` if nothing changes.
 
-    Friction that changes gradually on several joints is left to the check for drifting temperature.
+    Friction that changes gradually on several joints is left to the check for drifting temperature. A change of one
+    torque is compared with what that torque may follow otherwise, for instance its angle.
     """
     change = change_of(state)
     if change is None or is_warming(change):
         return None
+    j = change.candidate.alternative.of_torque
+    if j is not None and (other := rival(state, j, change.gain)) is not None:
+        return other
     return explained_by(change, CODE, "error" if _is_certain(change) else "warning")
 
 

@@ -59,9 +59,13 @@ OPPOSITE = 0.01
 fault, so the limit is lower where all joints have enough rows away from reversals. In logs without fault, the
 residual increases by 0.03 or more; on light arms that stick, it decreases by 0.005 at most."""
 
-ANGLE = np.radians(4.0)
-"""Smallest tilt that is reported [rad]. On 18 recordings of seven arms without a tilt, unmodelled parts such as
-cables have the effect of up to 1.9°."""
+ANGLE, SLIGHT = np.radians(4.0), np.radians(2.2)
+"""Tilts from which an error and a warning are reported [rad]. On 18 recordings of seven arms without a tilt,
+unmodelled parts such as cables have the effect of up to 1.9°."""
+
+GAIN_OF_SLIGHT = 0.1
+"""The limit that is used instead of `GAIN` for a slight tilt. On recordings of eight arms, whole, in halves and in
+thirds, tilts of more than 2.2° give at most 0.083; a tilt of 3° gives 0.05 to 0.5."""
 
 ALIKE = 0.02
 """Difference of the mean logarithms of the RMS residuals for two directions, below which the directions cannot be
@@ -110,8 +114,8 @@ def _by_direction(state: LogState) -> Explanation | None:
     gain = begin - cost
     cosine = float(np.clip(g @ g0 / strength**2, -1.0, 1.0))
     angle = float(np.arccos(cosine))
-    least = OPPOSITE if cosine < -0.99 and moving.all() else GAIN
-    if angle < ANGLE or gain < least or not is_significant(judged, gain):
+    least = OPPOSITE if cosine < -0.99 and moving.all() else GAIN_OF_SLIGHT if angle < ANGLE else GAIN
+    if angle < SLIGHT or gain < least or not is_significant(judged, gain):
         return _by_description(state, judged, strength)
     numbers = ", ".join(f"{x + 0.0:.4g}" for x in np.round(g, 2))
     model = _turned(state, g)
@@ -119,9 +123,9 @@ def _by_direction(state: LogState) -> Explanation | None:
     return Explanation(
         CODE,
         max(state.fit.cost - after.fit.cost, OPPOSITE),
-        "error",
+        "warning" if angle < ANGLE else "error",
         "",
-        f"If gravity is ({numbers}) m/s², {np.degrees(angle):.0f}° from the gravity of the study, the residual is "
+        f"If gravity is ({numbers}) m/s², {np.degrees(angle):.2g}° from the gravity of the study, the residual is "
         f"{1 - np.exp(-gain):.0%} smaller"
         + ("." if not rivals else "; with other directions, the model fits as well."),
         lambda _: _remedy((g, *rivals)),

@@ -17,6 +17,7 @@ from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import cost_of, products
 from armid.doctor.remedy_trial import HELPS
 from armid.doctor.residuals import gain_by_amount
+from armid.doctor.residuals.large_residual import rival
 from armid.errors import Finding
 from armid.measurement.remedy_builders import lines
 
@@ -49,6 +50,11 @@ GAIN = 0.08
 was at most 0.04 within the factors, on 16 recordings of eight arms and on 36 simulated logs. A factor of 1.6 or 0.5
 gives 0.1 to 1 on joints that carry others."""
 
+OUTER_GAIN = 0.2
+"""The limit that is used instead of `GAIN` for another unit of the torques of all joints from one outwards. Without
+fault it was at most 0.16, on an arm with light wrists; a factor of 1000 of three wrists gives 0.07 there, and 0.27 to
+0.8 on other arms."""
+
 SHARP = 0.02
 """Increase of the mean logarithm of the RMS residuals from the best factor to a factor 1.5 times (for another unit
 2.2 times) as large or as small, from which the factor counts as determined."""
@@ -71,10 +77,14 @@ def check(evidence: LogEvidence) -> list[Finding]:
 def explain(state: LogState) -> Explanation | None:
     """Explains the misfit of the model by a wrong scale of one joint's torque; `None` if the scales agree.
 
-    The scale may depend on the amount of the torque.
+    The scale may depend on the amount of the torque, and several outer joints may have another unit.
     """
-    found = [each for each in (_by_factor(state), gain_by_amount.explain(CODE, state)) if each is not None]
-    return max(found, key=lambda each: each.gain, default=None)
+    tried = (_by_factor(state), _by_unit_of_outer_joints(state), gain_by_amount.explain(CODE, state))
+    found = [each for each in tried if each is not None]
+    best = max(found, key=lambda each: each.gain, default=None)
+    if best is None or best.severity == "error":
+        return best
+    return rival(state, state.model.robot.joint_names.index(best.channel), best.gain) or best
 
 
 def _by_factor(state: LogState) -> Explanation | None:
@@ -116,6 +126,38 @@ def _by_factor(state: LogState) -> Explanation | None:
         f"{1 - np.exp(-gains[best]):.0%} smaller.{doubt}",
         lambda evidence: _gain(evidence, correction),
         after,
+        worse=HELPS,
+    )
+
+
+def _by_unit_of_outer_joints(state: LogState) -> Explanation | None:
+    """Explains the misfit by another unit of the torques of all joints from one outwards; `None` if there is none.
+
+    The drives of wrists are often of another make. The torques of single joints then contradict those of both sides.
+    """
+    n = state.rows.n
+    if n <= 2 or state.conflict < BADLY:
+        return None
+    pairs = products(state.rows)
+    begin, (gain, first, factor) = cost_of(state.rows, pairs), (0.0, 0, 1.0)
+    for tail in range(1, n - 1):
+        for decade in map(float, DECADES):
+            factors = np.where(np.arange(n) < tail, 1.0, decade)
+            less = begin - cost_of(state.rows, pairs, factors) + float(np.mean(np.log(factors)))
+            gain, first, factor = max((gain, first, factor), (less, tail, decade))
+    if gain < OUTER_GAIN:
+        return None
+    names, correction = state.model.robot.joint_names[first:], np.where(np.arange(n) < first, 1.0, factor)
+    return Explanation(
+        CODE,
+        gain,
+        "error",
+        ", ".join(names),
+        f"The torques of {', '.join(names)} are about {1.0 / factor:g} times the values that the torques of the "
+        f"other joints imply: they have another unit. With it corrected, the residual of one model for all joints is "
+        f"{1 - np.exp(-gain):.0%} smaller.",
+        lambda evidence: _gain(evidence, correction),
+        state.with_torque(correction),
         worse=HELPS,
     )
 

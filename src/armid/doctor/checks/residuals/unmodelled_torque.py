@@ -21,7 +21,7 @@ from armid.doctor.checks.dynamics.rotor_inertia_missing import term_names
 from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import QuickRows, solve
 from armid.doctor.remedy_trial import try_remedy
-from armid.doctor.residuals import large_residual, spring_over_two_joints
+from armid.doctor.residuals import common_causes, large_residual, spring_over_two_joints
 from armid.doctor.residuals.added_columns import AddedColumns
 from armid.doctor.residuals.local_laws import local_laws
 from armid.doctor.residuals.missing_law import ANGLE, FRICTION, MissingLaw
@@ -67,25 +67,33 @@ TURNS = 1.5
 """Smallest number of waves within the range of the joint; fewer waves do not show that the torque repeats."""
 
 
-def check(evidence: LogEvidence) -> list[Finding]:
-    """Reports springs over two joints, and each joint whose residual follows a law that the model does not have.
+NOISY = "channel-noisy"
+"""Code of the findings on waves in time."""
 
-    If the study has terms that the doctor's model lacks, nothing is reported, because what they explain would look
-    like such a law.
+
+def check(evidence: LogEvidence) -> list[Finding]:
+    """Reports springs over two joints, waves, and each joint whose residual follows a law that the model lacks.
+
+    If the study has terms that the doctor's model lacks, springs and laws are not reported, because what these terms
+    explain would look like them; what was preferred to another fault is reported.
     """
+    by_angle, names = evidence.explained(ANGLE), evidence.robot.joint_names
+    pairs = {", ".join(pair): pair for pair in permutations(names, 2)}
+    springs = [each for each in by_angle if each.channel in pairs]
+    others = [each for each in by_angle if each.channel not in pairs]
+    others += [each for code in (FRICTION, NOISY) for each in evidence.explained(code)]
     if evidence.corrected is not None and _has_further_terms(evidence, evidence.corrected):
-        return []
-    springs = evidence.explained(ANGLE)
-    channels = {each.channel for each in springs}
-    pairs = [pair for pair in permutations(evidence.robot.joint_names, 2) if ", ".join(pair) in channels]
-    known = {name for pair in pairs for name in pair}
+        return others
+    known = {each.channel for each in others} | {name for each in springs for name in pairs[each.channel]}
     single = _of_single_joints(evidence, known)
-    return [*springs, *single, *_of_large_residuals(evidence, known | {each.channel for each in single})]
+    known |= {each.channel for each in single}
+    return [*springs, *others, *single, *_of_large_residuals(evidence, known)]
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Explains the misfit of the model by a spring over two joints; `None` if there is none."""
-    return spring_over_two_joints.explain(ANGLE, state)
+    """Explains the misfit by a spring over two joints, or by one cause in all torques; `None` if there is none."""
+    found = [each for each in (spring_over_two_joints.explain(ANGLE, state), common_causes.explain(state)) if each]
+    return max(found, key=lambda each: each.gain, default=None)
 
 
 def _of_single_joints(evidence: LogEvidence, known: Collection[str]) -> list[Finding]:
@@ -236,6 +244,7 @@ CHECK = LogCheck(
         FRICTION: "The friction that the model lacks biases the other parameters, and predictions are wrong by this "
         "torque.",
         ANGLE: "The torque that the model lacks is attributed to the weight of the links.",
+        NOISY: "What the wave adds to the torque biases the parameters, and more so at its frequency.",
         large_residual.CODE: "What the model lacks biases all parameters of these joints, and of the links that they "
         "carry.",
     },

@@ -76,11 +76,18 @@ LEAST = 1.0
 """Lowest cut-off that is recommended [Hz]; at 0.8 Hz, too few rows remain, and intervals held 33 of 58 true
 values."""
 
+CODE = "filtered-before-logging"
+
 AGAIN = "log the unfiltered torque"
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
     """Reports torque that was filtered: one finding for all joints, and one for each joint that differs from them."""
+    return evidence.explained(CODE) or _by_spectrum(evidence)
+
+
+def _by_spectrum(evidence: LogEvidence) -> list[Finding]:
+    """Reports torque whose spectrum is that of a filter."""
     recording = evidence.recording
     if recording is None or recording.effort is None or recording.consecutive is False:
         return []
@@ -108,7 +115,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
         f"and above {median(ends[falling]):.3g} Hz it is below a thousandth of its value just above the band of the "
         "motion."
     )
-    return [Finding("filtered-before-logging", "info", "effort", text, AGAIN)]
+    return [Finding(CODE, "info", "effort", text, AGAIN)]
 
 
 def _single(evidence: LogEvidence, state: LogState, suspected: NDArray[np.bool_], common: float) -> list[Finding]:
@@ -147,16 +154,14 @@ def _found(joints: str, channel: str, cutoff: float, used: float) -> Finding:
         f"amplitude of the model's torque, and at twice this frequency less than a quarter."
     )
     if cutoff >= HARMLESS * used:
-        return Finding("filtered-before-logging", "info", channel, text, AGAIN)
+        return Finding(CODE, "info", channel, text, AGAIN)
     text += f" The estimate uses frequencies up to {used:.3g} Hz."
     narrower = round(max(NARROWER * cutoff, LEAST), 1)
     remedy = Remedy.read(AGAIN)
     if narrower < used:
         note = "only if the unfiltered torque cannot be logged; otherwise log it and record again"
         remedy = lines(note, table="processing", cutoff=narrower)
-    return Finding(
-        "filtered-before-logging", "error" if cutoff < HARMFUL * used else "warning", channel, text, remedy
-    )
+    return Finding(CODE, "error" if cutoff < HARMFUL * used else "warning", channel, text, remedy)
 
 
 def _suspicions(effort: Array, rate: float, logged: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -217,9 +222,9 @@ CHECK = LogCheck(
     look=check,
     scope="recording",
     effects={
-        "filtered-before-logging": "Friction at reversals is smoothed in the torque, but not in the model.",
+        CODE: "Friction at reversals is smoothed in the torque, but not in the model.",
     },
     untested={
-        "filtered-before-logging": "the torque of left-out motion has passed the same filter",
+        CODE: "the torque of left-out motion has passed the same filter",
     },
 )
