@@ -6,6 +6,7 @@ import os
 import resource
 import shutil
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 from crash_child import Moment
@@ -139,7 +140,7 @@ _read_only, _still = unchanged("moved", make_read_only)
 _page, _page_still = unchanged("page.html", earlier_page)
 _filled, _filled_still = unchanged("moved", filled)
 
-CASES: list[Case] = [
+_ALL: list[Case] = [
     named("not UTF-8", f"{BYTES}.csv"),
     named("a line break", "line\nbreak.csv"),
     named("a tab, quotes, `$` and a backslash", "a\tb'\"$x\\.csv"),
@@ -338,3 +339,17 @@ CASES: list[Case] = [
         after=exists("lab/truth.json"),
     ),
 ]
+
+SLOW = {
+    "markup",
+    "Greek letters and a face",
+    "a writer of another folder",
+    "`LANG=C`, and a name that is not UTF-8",
+    "`COLUMNS=1`",
+    "an unknown terminal",
+    "SIGHUP",
+    "the folder on another file system",
+}
+"""Cases that run with the long tests only, because others are like them."""
+
+CASES = [replace(case, slow=case.slow or case.name in SLOW) for case in _ALL]
