@@ -40,8 +40,6 @@ SIGNIFICANT = 4.0
 """Number of standard deviations from which a load torque counts as seen. The deviations take the samples within a
 period of the cut-off as one."""
 
-COLUMNS = ("load", "inertia", "viscous", "dry", "offset")
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class EquationErrorFit:

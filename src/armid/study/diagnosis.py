@@ -139,7 +139,7 @@ def diagnose_recording(
 def _no_effort(raw: Recording) -> Finding:
     """Finding for a log without effort, with the columns that may contain the effort."""
     possible = next((each for each in raw.findings if each.code == "effort-possible"), None)
-    commanded = "" if raw.command is None else ", but it has a command"
+    commanded = "" if raw.command is None else ", but it has a command: `armid servo` identifies arms without torque"
     evidence = f"The recording has no effort (torque or motor current){commanded}." + (
         "" if possible is None else f" {possible.evidence}"
     )

@@ -233,7 +233,10 @@ def gather(recording: Recording, *, clock: bool = True) -> tuple[Segment, float]
         wanted = Remedy(
             "if the file has columns of effort, name them: ", setting("columns", {"effort": ["…", "…"]}), "."
         )
-        raise RecordingError(f"{name} has no effort (torque or current).{hint}", remedy=remedy or wanted)
+        servo = (
+            "" if recording.command is None else " It has a command: `armid servo` identifies arms without torque."
+        )
+        raise RecordingError(f"{name} has no effort (torque or current).{servo}{hint}", remedy=remedy or wanted)
     counted = np.arange(recording.samples) / (recording.rate or 1.0)
     if not clock:
         time = np.arange(float(recording.samples))
