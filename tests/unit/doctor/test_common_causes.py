@@ -38,13 +38,6 @@ def effort_of(case: Case) -> Array:
     return case.recording.effort
 
 
-def averaged(values: Array, rows: int) -> Array:
-    """Means of values (N, n) over some rows about each."""
-    padded = np.pad(values, ((rows // 2, rows // 2), (0, 0)), mode="edge")
-    window = np.full(2 * (rows // 2) + 1, 1.0 / (2 * (rows // 2) + 1))
-    return np.column_stack([np.convolve(column, window, mode="valid") for column in padded.T])
-
-
 def test_a_hum_on_all_torques_is_named_with_its_frequency():
     case = sound(UR10E)
     effort = effort_of(case)
@@ -61,15 +54,6 @@ def test_gains_that_fall_with_the_load_of_the_arm_are_named():
     power = np.sum(np.abs(case.motion.dq * effort) / effort.std(axis=0), axis=1)
     load = np.clip(power / np.quantile(power, 0.98), 0.0, 1.0)[:, None]
     assert ("torque-gain", "", "warning") in told(case.logged(effort=effort / (1.0 - 0.45 * load)))
-
-
-def test_friction_that_changes_its_sign_within_more_than_a_second_is_a_filter():
-    case = sound(UR10E)
-    effort, step = effort_of(case), float(np.median(np.diff(case.motion.time)))
-    friction = averaged(np.tanh(case.motion.dq / 0.02), round(1.5 / step))
-    assert ("filtered-before-logging", "", "error") in told(
-        case.logged(effort=effort + 0.4 * effort.std(axis=0) * friction)
-    )
 
 
 def test_torques_of_the_wrists_in_another_unit_are_found_together():

@@ -1,4 +1,4 @@
-"""Explanation of a misfit by one cause in all torques: a wave, gains that fall with the load, smoothed channels.
+"""Explanation of a misfit by one cause in all torques: a wave in time, or gains that fall with the load.
 
 What a model lacks differs from joint to joint. A cause in the supply, the grounding or the base is in all torques,
 and with it the residuals of most joints fall together.
@@ -6,14 +6,13 @@ and with it the residuals of most joints fall together.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from armid.checked_array import Array
-from armid.doctor.check_input import WIDTH, Explanation
+from armid.doctor.check_input import Explanation
 from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import QuickRows, solve
 from armid.doctor.remedy_trial import HELPS, try_remedy
@@ -24,14 +23,6 @@ WAVE, GAIN = 0.4, 0.36
 """Smallest decrease of the mean logarithm of the RMS residuals by a wave in time, and by gains that depend on load.
 In recordings of eight arms, whole, in halves and in thirds, it is at most 0.28 and 0.27; a hum of half the standard
 deviation of each torque gives 0.5 to 1.3, a supply that sags by 45 % under load 0.4 to 0.8."""
-
-SMOOTH = 0.1
-"""Smallest decrease by friction that changes its sign smoothly in time. In the same recordings it is at most 0.08;
-means over 1.5 s of all channels give 0.07 to 0.35."""
-
-WIDTHS = (0.5, 1.0, 1.5, 2.0)
-"""Times of the means that are tried [s]. The first one must explain less than another: filters of torques make the
-friction smooth for as long on a recorded arm."""
 
 JOINTS = 3
 """Smallest number of joints."""
@@ -51,7 +42,7 @@ class CommonCause:
     """
 
     code: str
-    severity: Literal["error", "warning"]
+    severity: Literal["warning"]
     least: float
     text: str
     remedy: str
@@ -63,9 +54,7 @@ def explain(state: LogState) -> Explanation | None:
     if state.rows.n < JOINTS or state.log.band.is_open or not all(run.consecutive for run in state.log.runs):
         return None
     added = AddedColumns(state)
-    shortest, *smooth = [(_gain(added, cause), cause) for cause in _smooth(state)]
     tried = [(_gain(added, cause), cause) for cause in (_wave(state), _load(state))]
-    tried += [each for each in smooth if each[0] > shortest[0]]
     found = [each for each in tried if each[0] > each[1].least]
     best = max(found, key=lambda each: each[0] - each[1].least, default=None)
     return None if best is None else _explained(state, best[1])
@@ -125,32 +114,6 @@ def _wave(state: LogState) -> CommonCause:
     text = f"The torques contain a wave of {frequency:.2g} Hz that no motion causes"
     remedy = "find out where the wave comes from (hum of the mains, an alias, vibration of the base) and record again"
     return CommonCause("channel-noisy", "warning", WAVE, text, remedy, columns)
-
-
-def _smooth(state: LogState) -> Iterator[CommonCause]:
-    """Friction whose sign changes smoothly in time, as where all channels were averaged over a second or more."""
-    rows = state.rows
-    sense = np.tanh(rows.motion.dq / WIDTH)
-    remedy = "log all channels without filters; do not smooth or interpolate them over more than a tenth of a second"
-    for seconds in WIDTHS:
-        text = (
-            f"The friction changes its sign within about {seconds:g} s, as if all channels had been averaged over "
-            "this time"
-        )
-        smooth = _averaged(rows, sense, seconds)
-        yield CommonCause("filtered-before-logging", "error", SMOOTH, text, remedy, smooth[None])
-
-
-def _averaged(rows: QuickRows, values: Array, seconds: float) -> Array:
-    """Means of values (M, n) over some seconds about each row, within each run."""
-    half, result = max(1, round(0.5 * seconds * rows.rate)), np.empty_like(values)
-    for run in range(int(rows.run[-1]) + 1):
-        first, stop = np.searchsorted(rows.run, [run, run + 1])
-        total = np.vstack([np.zeros(values.shape[1]), np.cumsum(values[first:stop], axis=0)])
-        at = np.arange(stop - first)
-        begin, end = np.maximum(at - half, 0), np.minimum(at + half + 1, stop - first)
-        result[first:stop] = (total[end] - total[begin]) / (end - begin)[:, None]
-    return result
 
 
 def _load(state: LogState) -> CommonCause:

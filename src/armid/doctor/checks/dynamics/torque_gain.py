@@ -17,7 +17,6 @@ from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import cost_of, products
 from armid.doctor.remedy_trial import HELPS
 from armid.doctor.residuals import gain_by_amount
-from armid.doctor.residuals.large_residual import rival
 from armid.errors import Finding
 from armid.measurement.remedy_builders import lines
 
@@ -81,10 +80,7 @@ def explain(state: LogState) -> Explanation | None:
     """
     tried = (_by_factor(state), _by_unit_of_outer_joints(state), gain_by_amount.explain(CODE, state))
     found = [each for each in tried if each is not None]
-    best = max(found, key=lambda each: each.gain, default=None)
-    if best is None or best.severity == "error":
-        return best
-    return rival(state, state.model.robot.joint_names.index(best.channel), best.gain) or best
+    return max(found, key=lambda each: each.gain, default=None)
 
 
 def _by_factor(state: LogState) -> Explanation | None:

@@ -83,11 +83,6 @@ AGAIN = "log the unfiltered torque"
 
 def check(evidence: LogEvidence) -> list[Finding]:
     """Reports torque that was filtered: one finding for all joints, and one for each joint that differs from them."""
-    return evidence.explained(CODE) or _by_spectrum(evidence)
-
-
-def _by_spectrum(evidence: LogEvidence) -> list[Finding]:
-    """Reports torque whose spectrum is that of a filter."""
     recording = evidence.recording
     if recording is None or recording.effort is None or recording.consecutive is False:
         return []
