@@ -86,8 +86,21 @@ struct Samples {
 
 // Laws of torque that the state of one coordinate gives, as programs on a stack.
 enum LawOperation {
-  LAW_NUMBER, LAW_POSITION, LAW_VELOCITY, LAW_ADD, LAW_MULTIPLY, LAW_POWER, LAW_SIGN, LAW_TANH, LAW_ABSOLUTE,
-  LAW_EXPONENTIAL, LAW_SINE, LAW_COSINE, LAW_LARGER, LAW_SMALLER, LAW_OPERATIONS
+  LAW_NUMBER,
+  LAW_POSITION,
+  LAW_VELOCITY,
+  LAW_ADD,
+  LAW_MULTIPLY,
+  LAW_POWER,
+  LAW_SIGN,
+  LAW_TANH,
+  LAW_ABSOLUTE,
+  LAW_EXPONENTIAL,
+  LAW_SINE,
+  LAW_COSINE,
+  LAW_LARGER,
+  LAW_SMALLER,
+  LAW_OPERATIONS
 };
 constexpr int LAW_DEPTH = 16;  // numbers on the stack
 
@@ -98,8 +111,8 @@ struct Laws {
   const double* constant;         // of LAW_NUMBER, and the exponent of LAW_POWER
   const std::int32_t* link;       // joints of each law's coordinate, count + 1 limits
   const std::int32_t* joint;
-  const double* weight;           // of each of these joints
-  const double* value;            // parameter of each law
+  const double* weight;  // of each of these joints
+  const double* value;   // parameter of each law
 };
 
 // A servo that holds each joint to a command, with what its joint has beside links.
@@ -108,8 +121,8 @@ struct Servos {
   const double* limit;                // largest torque
   const double* armature;
   Laws laws;
-  double step;                        // of the integration
-  double steep;                       // velocity up to which a joint sticks
+  double step;   // of the integration
+  double steep;  // velocity up to which a joint sticks
 };
 
 // Commands between the N + 1 states of each window, row-major (N, n): the mean over a step.

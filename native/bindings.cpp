@@ -1,8 +1,9 @@
 // Python bindings: conversion of arrays, choice of the instruction set, threads over blocks. No mathematics.
+#include "bindings.hpp"
+
 #include <exception>
 #include <thread>
 
-#include "bindings.hpp"
 #include "tape.hpp"
 
 using armid::Arm;

@@ -137,7 +137,7 @@ struct ArmData {
 
 // Columns wanted of each joint; owns nothing.
 inline Layout layout_of(const ArmData& data, const In<std::int32_t>& offset, const In<std::int32_t>& target,
-                 const In<std::int32_t>& term) {
+                        const In<std::int32_t>& term) {
   const int n = data.arm.n;
   require(offset.size() == static_cast<std::size_t>(n) + 1, "offset must have n + 1 entries");
   require(target.size() == 0 || target.size() == 10 * data.ancestor.size(), "target must have ten entries a pair");

@@ -35,8 +35,7 @@ Servos servos_of(const ArmData& data, const ServoArrays& of, double step, double
       const int op = of.operation.data()[k];
       require(0 <= op && op < LAW_OPERATIONS, "an operation that there is not");
       const bool pushes = op <= LAW_VELOCITY;
-      const bool joins = op == LAW_ADD || op == LAW_MULTIPLY || op == LAW_LARGER ||
-                         op == LAW_SMALLER;
+      const bool joins = op == LAW_ADD || op == LAW_MULTIPLY || op == LAW_LARGER || op == LAW_SMALLER;
       require(depth >= (joins ? 2 : pushes ? 0 : 1), "an operation of a law lacks an operand");
       depth += pushes ? 1 : joins ? -1 : 0;
       require(depth <= LAW_DEPTH, "a law is nested too deeply");
@@ -72,8 +71,8 @@ std::int64_t roll_out(const std::string& isa, const ArmData& data, In<double> in
   const double* m = inertial.data();
   double *to_q = q.data(), *to_dq = dq.data();
   nb::gil_scoped_release release;
-  return k.roll_out(data.arm, m, servos, commands, static_cast<std::ptrdiff_t>(windows),
-                    static_cast<std::ptrdiff_t>(N), to_q, to_dq);
+  return k.roll_out(data.arm, m, servos, commands, static_cast<std::ptrdiff_t>(windows), static_cast<std::ptrdiff_t>(N),
+                    to_q, to_dq);
 }
 
 struct ParameterArrays {
@@ -84,10 +83,10 @@ struct ParameterArrays {
   In<double> input;
 };
 
-void roll_out_sensitivities(const std::string& isa, const ArmData& data, In<double> inertial,
-                            const ServoArrays& arrays, double step, double steep, const ParameterArrays& of,
-                            In<double> position, In<double> torque, In<double> q, In<double> dq, In<double> S_q,
-                            In<double> S_dq, std::int64_t every, Out<double> out) {
+void roll_out_sensitivities(const std::string& isa, const ArmData& data, In<double> inertial, const ServoArrays& arrays,
+                            double step, double steep, const ParameterArrays& of, In<double> position,
+                            In<double> torque, In<double> q, In<double> dq, In<double> S_q, In<double> S_dq,
+                            std::int64_t every, Out<double> out) {
   const Servos servos = servos_of(data, arrays, step, steep);
   const std::size_t n = data.arm.n, N = position.size() / n;
   require(inertial.size() == 10 * n, "inertial must be (n, 10)");
@@ -113,13 +112,20 @@ void roll_out_sensitivities(const std::string& isa, const ArmData& data, In<doub
   known(of.joint, -1);
   known(of.input_parameter, 0);
   const std::int32_t* joint = of.joint.data();
-  const RolloutParameters parameters{of.count, links, of.parameter.data(), of.law.data(), joint, joint + n,
-                                            joint + 2 * n, static_cast<int>(of.input_joint.size()),
-                                            of.input_joint.data(), of.input_parameter.data(), of.input.data()};
+  const RolloutParameters parameters{of.count,
+                                     links,
+                                     of.parameter.data(),
+                                     of.law.data(),
+                                     joint,
+                                     joint + n,
+                                     joint + 2 * n,
+                                     static_cast<int>(of.input_joint.size()),
+                                     of.input_joint.data(),
+                                     of.input_parameter.data(),
+                                     of.input.data()};
   const Commands commands{position.data(), torque.size() ? torque.data() : nullptr};
   const Kernel& k = kernel(isa);
-  const double *m = inertial.data(), *from_q = q.data(), *from_dq = dq.data(), *at_q = S_q.data(),
-               *at_dq = S_dq.data();
+  const double *m = inertial.data(), *from_q = q.data(), *from_dq = dq.data(), *at_q = S_q.data(), *at_dq = S_dq.data();
   double* to = out.data();
   nb::gil_scoped_release release;
   k.roll_out_sensitivities(data.arm, m, servos, parameters, commands, static_cast<std::ptrdiff_t>(N), from_q, from_dq,

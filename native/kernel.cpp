@@ -65,10 +65,22 @@ void decimate_columns(const Arm& arm, const Layout& layout, const Samples& in, s
 #define ARMID_TABLE(isa) ARMID_TABLE2(isa)
 
 const Kernel ARMID_TABLE(ARMID_ISA) = {
-    ARMID_STRING(ARMID_ISA),        ARMID_ISA::W,           ARMID_ISA::regressor,       ARMID_ISA::columns,
-    ARMID_ISA::inverse_dynamics,    ARMID_ISA::mass_matrix, ARMID_ISA::factor,          ARMID_ISA::factor_all_columns,
-    ARMID_ISA::decimate_columns,    ARMID_ISA::play,        ARMID_ISA::columns_adjoint, ARMID_ISA::information,
-    ARMID_ISA::information_adjoint, ARMID_ISA::reweighted,  ARMID_ISA::roll_out,        ARMID_ISA::roll_out_sensitivities,
+    ARMID_STRING(ARMID_ISA),
+    ARMID_ISA::W,
+    ARMID_ISA::regressor,
+    ARMID_ISA::columns,
+    ARMID_ISA::inverse_dynamics,
+    ARMID_ISA::mass_matrix,
+    ARMID_ISA::factor,
+    ARMID_ISA::factor_all_columns,
+    ARMID_ISA::decimate_columns,
+    ARMID_ISA::play,
+    ARMID_ISA::columns_adjoint,
+    ARMID_ISA::information,
+    ARMID_ISA::information_adjoint,
+    ARMID_ISA::reweighted,
+    ARMID_ISA::roll_out,
+    ARMID_ISA::roll_out_sensitivities,
 };
 
 }  // namespace armid

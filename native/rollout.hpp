@@ -100,8 +100,7 @@ class Windows {
  public:
   Windows(const Arm& arm, const double* inertial, const Servos& servos)
       : arm_(arm), inertial_(inertial), servos_(servos), bodies_(arm.n), q_(arm.n), dq_(arm.n), y_(arm.n),
-        middle_(arm.n), bias_(arm.n), G_(arm.n), M_(arm.n * arm.n), A_(arm.n * arm.n), command_(arm.n),
-        torque_(arm.n) {
+        middle_(arm.n), bias_(arm.n), G_(arm.n), M_(arm.n * arm.n), A_(arm.n * arm.n), command_(arm.n), torque_(arm.n) {
     for (int e = 0; e < servos.laws.count; ++e) dry_ = dry_ || is_dry(servos.laws, e);
   }
 
@@ -201,10 +200,10 @@ class Sensitivities {
   Sensitivities(const Arm& arm, const double* inertial, const Servos& servos, const RolloutParameters& parameters)
       : arm_(arm), inertial_(inertial), servos_(servos), wanted_(parameters), n_(arm.n),
         width_(padded(parameters.count)), bodies_(arm.n), state_(4 * arm.n), middle_(W * arm.n), v_(W * arm.n),
-        a_(W * arm.n),
-        columns_(static_cast<std::size_t>(parameters.links.offset[arm.n]) * W), maker_(arm, parameters.links, W),
-        M_(arm.n * arm.n), by_q_(arm.n * arm.n), by_dq_(arm.n * arm.n), law_q_(arm.n * arm.n), law_v_(arm.n * arm.n),
-        law_y_(arm.n * arm.n),        torque_(arm.n), laws_(larger(servos.laws.count, 1)), lanes_(3 * arm.n), A_(arm.n * arm.n), Gq_(arm.n * arm.n),
+        a_(W * arm.n), columns_(static_cast<std::size_t>(parameters.links.offset[arm.n]) * W),
+        maker_(arm, parameters.links, W), M_(arm.n * arm.n), by_q_(arm.n * arm.n), by_dq_(arm.n * arm.n),
+        law_q_(arm.n * arm.n), law_v_(arm.n * arm.n), law_y_(arm.n * arm.n), torque_(arm.n),
+        laws_(larger(servos.laws.count, 1)), lanes_(3 * arm.n), A_(arm.n * arm.n), Gq_(arm.n * arm.n),
         Gv_(arm.n * arm.n), rhs_(arm.n * width_), q_(arm.n * width_), dq_(arm.n * width_) {}
 
   // q and dq (N + 1, n) of the roll-out. S_q and S_dq (n, count) at the first state; of the states every, 2 every, ...
@@ -223,7 +222,8 @@ class Sensitivities {
         advance(commands, N, q, dq, s + l, l);
         if ((s + l + 1) % every != 0) continue;
         double* to = out + ((s + l + 1) / every - 1) * n_ * wanted_.count;
-        for (int i = 0; i < n_; ++i) std::memcpy(to + i * wanted_.count, &q_[i * width_], sizeof(double) * wanted_.count);
+        for (int i = 0; i < n_; ++i)
+          std::memcpy(to + i * wanted_.count, &q_[i * width_], sizeof(double) * wanted_.count);
       }
     }
   }
@@ -279,7 +279,8 @@ class Sensitivities {
     for (int i = 0; i < n_; ++i) {
       const double v = dq[s * n_ + i], y = dq[(s + 1) * n_ + i], kp = servos_.stiffness[i], kd = servos_.damping[i];
       const double error = commands.position[s * n_ + i] - q[s * n_ + i] - 0.25 * h * (v + y);
-      const double mean = 0.5 * (v + y), raw = kp * error - kd * mean + (commands.torque == nullptr ? 0.0 : commands.torque[s * n_ + i]);
+      const double mean = 0.5 * (v + y),
+                   raw = kp * error - kd * mean + (commands.torque == nullptr ? 0.0 : commands.torque[s * n_ + i]);
       const bool inside = raw < servos_.limit[i] && raw > -servos_.limit[i];
       A_[i * n_ + i] += servos_.armature[i] / h;
       Gv_[i * n_ + i] -= servos_.armature[i] / h;
@@ -368,4 +369,3 @@ inline void roll_out_sensitivities(const Arm& arm, const double* inertial, const
 }
 
 }  // namespace armid::ARMID_ISA
-

@@ -9,15 +9,15 @@ namespace armid::ARMID_ISA {
 
 // A link, then all links that it carries: its body quantities become composite ones on the way from tips to base.
 struct Body {
-  V R[9], p[3];              // pose
-  V axis_w[3], axis_v[3];    // twist for unit velocity of its joint
-  V w[3], v[3];              // velocity
-  V aw[3], av[3];            // acceleration less gravity
-  V rate_w[3], rate_v[3];    // velocity of the parent x axis
-  V bend_w[3], bend_v[3];    // acceleration of the parent x axis + velocity of the parent x rate
-  V m, h[3], J[6];           // mass, first moment, inertia
-  V n[3], f[3];              // moment and force
-  V B[9], P[3];              // Coriolis term: moment B a + a x 0, force a x P, for a motion with angular part a
+  V R[9], p[3];            // pose
+  V axis_w[3], axis_v[3];  // twist for unit velocity of its joint
+  V w[3], v[3];            // velocity
+  V aw[3], av[3];          // acceleration less gravity
+  V rate_w[3], rate_v[3];  // velocity of the parent x axis
+  V bend_w[3], bend_v[3];  // acceleration of the parent x axis + velocity of the parent x rate
+  V m, h[3], J[6];         // mass, first moment, inertia
+  V n[3], f[3];            // moment and force
+  V B[9], P[3];            // Coriolis term: moment B a + a x 0, force a x P, for a motion with angular part a
 };
 
 ARMID_INLINE void add_crossed(const V* a, const V* b, V* out) { add_cross(a, b, GENERAL, out); }

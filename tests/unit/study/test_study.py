@@ -37,6 +37,7 @@ from armid.study.identify import Result, identify
 from armid.study.prepare import prepare
 from armid.study.recordings.data_split import cut_recording
 from armid.study.selection_prior_options import as_chosen
+from armid.study.servos.choice import ServoChoice
 from labs import (
     STUDY,
     small_folder,
@@ -79,6 +80,7 @@ columns = { q = "q{}", dq = "dq{}", ddq = "ddq{}", effort = "tau{}", time = "t" 
 units = "deg"
 joints = { a = "joint_1", b = "joint_2" }
 topic = "/joint_states"
+calibration = "follower.json"
 preset = "ur-rtde"
 exclude = [[1.0, 2.0], [5, 6]]
 period = 20.0
@@ -103,6 +105,14 @@ method = "ols"
 friction_per_recording = true
 offset_per_recording = true
 wls = { iterations = 7 }
+[servo]
+stiffness = [20.0, 15.0]
+stiffness_deviation = 0.2
+damping = 1.5
+limit = 3.35
+delay = 0.01
+link_deviation = 0.05
+terms = ["viscous", "coulomb", "stribeck"]
 """
 """Every key that a study knows, the example of the design among them."""
 
@@ -147,6 +157,7 @@ def test_every_key_arrives():
     assert (recording.path, recording.role, recording.part) == ("samples_2000.parquet", "train", (0.0, 0.7))
     reading = recording.reading
     assert (reading.rate, reading.consecutive, reading.units) == (50.0, True, "deg")
+    assert reading.calibration == "follower.json"
     assert (reading.topic, reading.preset, reading.period, reading.start) == ("/joint_states", "ur-rtde", 20.0, 1.5)
     assert np.array_equal(reading.torque_sign, [-1.0])
     assert np.array_equal(reading.drive_gain, [14.87, 13.26])  # pyright: ignore[reportArgumentType]
@@ -168,12 +179,13 @@ def test_every_key_arrives():
     assert study.estimation == EstimationChoice(
         "ols", friction_per_recording=True, offset_per_recording=True, options={"wls": {"iterations": 7}}
     )
+    assert study.servo == ServoChoice((20.0, 15.0), 0.2, 1.5, 3.35, 0.01, 0.05, ("viscous", "coulomb", "stribeck"))
 
 
 def test_no_key_is_missing_above():
     """Each field of the dataclasses stands in the text, so that a new one is thought of here."""
     study = every_key()
-    for value in (study.robot, study.recordings[0].reading, study.processing, study.estimation):
+    for value in (study.robot, study.recordings[0].reading, study.processing, study.estimation, study.servo):
         for name in asdict(value).keys() - {"options"}:  # these stand under the names of estimators
             assert f"\n{name} = " in EVERY_KEY, name
 
