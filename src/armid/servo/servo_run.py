@@ -58,7 +58,7 @@ class ServoRun:
     @property
     def time(self) -> Array:
         """Times of the samples of the grid, shape (N,) [s]."""
-        return self.start + self.step * np.arange(self.samples)
+        return np.asarray(self.start + self.step * np.arange(self.samples), dtype=np.float64)
 
     def held(self, time: Array) -> Array:
         """Command at given times, shape (len(time), n) [rad or m]."""
