@@ -59,7 +59,7 @@ def drive_of(element: ET.Element, keys: Mapping[str, str], source: str, where: s
     for name, key in keys.items():
         values = numbers(element, key, max(1, len(element.get(key, "").split())), source, where)
         found[name] = max(0.0, values[0]) if values else 0.0
-    return DescribedDrive(**found)
+    return DescribedDrive(**found, servo=None)
 
 
 def negative_drive(joint: str, element: ET.Element, keys: Mapping[str, str]) -> tuple[Finding, ...]:
