@@ -3,9 +3,10 @@
 // One step from (q, v) to (q + h/2 (v + y), y) solves for the velocity y at its end
 //     G = ID(q + h/2 v, v, (y - v) / h) + armature (y - v) / h + laws(q + h/2 v, (v + y) / 2) - servo = 0,
 //     servo = limited(stiffness (command - q - h/4 (v + y)) - damping (v + y) / 2 + torque).
-// This midpoint rule is of second order and stable. Laws of dry friction, which have a sign, are taken at y instead,
-// so that a joint comes to rest and stays there. A Newton iteration solves for y; its matrix is the mass matrix with
-// a diagonal. The sensitivities of a step follow from the implicit function theorem.
+// Springs and smooth laws follow the midpoint rule, which neither damps nor is unstable at any stiffness; velocity
+// forces of the links are those of the step's beginning. Laws of dry friction, which have a sign, are taken at y, so
+// that a joint comes to rest and stays there. A Newton iteration solves for y; its matrix is the mass matrix with a
+// diagonal. The sensitivities of a step follow from the implicit function theorem.
 #pragma once
 
 #include "laws.hpp"
@@ -152,6 +153,8 @@ class Windows {
     for (int i = 0; i < n; ++i) M_[i * n + i] += servos_.armature[i];
     bool settled = false;
     for (int pass = 0; pass < NEWTON_PASSES && !settled; ++pass) settled = newton();
+    // A motion that diverges is not iterated any more, and has not settled.
+    for (int i = 0; i < n; ++i) settled = settled && !any(y_[i] != y_[i]);
     for (int i = 0; i < n; ++i) {
       q_[i] += 0.5 * h * (dq_[i] + y_[i]);
       dq_[i] = y_[i];

@@ -70,7 +70,8 @@ def test_from_files_to_files(files, armid, tmp_path):
     assert found.stiffness == pytest.approx(truth.stiffness, rel=0.4)
     scores = record["validation"]
     assert scores["model"]["total"] < 0.3 * scores["described"]["total"]
-    assert {each["origin"] for each in record["values"]} <= {"identified", "prior-dominated", "not identifiable"}
+    origins = {each["origin"] for each in record["values"]}
+    assert origins <= {"identified", "weakly identified", "prior-dominated", "not identifiable"}
     assert b"<actuator>" in (out / "model.xml").read_bytes()
 
 
@@ -125,6 +126,24 @@ def test_wrong_input_is_one_error(files, armid, tmp_path, more, text):
     assert done.code == 2
     assert text in " ".join(done.err.split())
     assert not (tmp_path / "none").exists()
+
+
+def test_options_of_a_log_beside_a_study_are_refused(files, armid):
+    folder, _ = files
+    (folder / "plain.toml").write_text('[robot]\ndescription = "arm.xml"\n[[recording]]\npath = "one.csv"\n')
+    done = armid("servo", folder / "plain.toml", "--rate", "50")
+    assert done.code == 2
+    assert "defines the log format of its recordings" in done.err
+
+
+def test_an_unknown_term_is_refused(files, armid):
+    folder, _ = files
+    (folder / "terms.toml").write_text(
+        '[robot]\ndescription = "arm.xml"\n[[recording]]\npath = "one.csv"\n[servo]\nterms = ["coulom"]\n'
+    )
+    done = armid("servo", folder / "terms.toml")
+    assert done.code == 2
+    assert "coulomb" in done.err
 
 
 def test_an_arm_alone_is_no_study(files, armid):

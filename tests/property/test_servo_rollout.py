@@ -184,7 +184,7 @@ def test_dry_friction_holds_a_load():
 def test_wrong_shapes_are_refused():
     tree, servos = iiwa_tree(), any_servos(np.random.default_rng(0), 7, NO_LAWS)
     bodies = random_inertial(np.random.default_rng(0), 7)
-    with pytest.raises(ArmidError, match=r"shape \(W, N, 7\)"):
+    with pytest.raises(ArmidError, match="command must have shape"):
         kernel.roll_out(tree, bodies, servos, np.zeros((5, 7)), None, np.zeros((1, 7)), np.zeros((1, 7)))
     with pytest.raises(ArmidError, match="q must have shape"):
         kernel.roll_out(tree, bodies, servos, np.zeros((1, 5, 7)), None, np.zeros((2, 7)), np.zeros((1, 7)))

@@ -65,7 +65,7 @@ def _step(
         moved = np.abs(new - y) > SETTLED * (1.0 + np.abs(new))
         y = new
         if not moved.any():
-            return y, True
+            return y, bool(np.isfinite(y).all())
     return y, False
 
 

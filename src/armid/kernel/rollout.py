@@ -5,9 +5,9 @@ One step of length h from (q, v) to (q + h/2 (v + y), y) solves for the velocity
     ID(q + h/2 v, v, (y - v) / h) + J (y - v) / h + F(q + h/2 v, w) = limited(K (c - q - h/2 w) - D w + u)
 
 with the mean velocity w = (v + y) / 2, the inverse dynamics ID of the links, the rotor inertia J, the laws F, and the
-stiffness K, damping D, command c and additional torque u of the servo. This midpoint rule is of second order and
-stable at any stiffness. Laws of dry friction are taken at y instead of w, so that a joint comes to rest and stays
-there.
+stiffness K, damping D, command c and additional torque u of the servo. Spring and smooth laws follow the midpoint
+rule, which neither damps nor is unstable at any stiffness; velocity forces of the links are those at the beginning of
+the step. Laws of dry friction are taken at y instead of w, so that a joint comes to rest and stays there.
 """
 
 from __future__ import annotations
@@ -52,9 +52,7 @@ def roll_out(
         Positions and velocities, shape (W, N + 1, n), and the number of steps at which the iteration for the velocity
         did not converge.
     """
-    command = np.ascontiguousarray(command, dtype=np.float64)
-    if command.ndim != 3 or command.shape[2] != tree.n:
-        raise ArmidError(f"The commands must have the shape (W, N, {tree.n}); found {command.shape}.")
+    command = array(command, (None, None, tree.n), "command")
     windows, steps, n = command.shape
     added = np.empty(0) if torque is None else array(torque, command.shape, "torque")
     start_q, start_dq = array(q, (windows, n), "q"), array(dq, (windows, n), "dq")
@@ -115,7 +113,9 @@ def roll_out_sensitivities(
     Returns:
         Derivatives, shape (N // every, n, count).
     """
-    command = np.ascontiguousarray(command, dtype=np.float64)
+    command = array(command, (None, tree.n), "command")
+    if every < 1:
+        raise ArmidError(f"The number of steps between two states must be at least 1; found {every}.")
     steps, n = command.shape
     added = np.empty(0) if torque is None else array(torque, command.shape, "torque")
     inputs = array(inputs, (len(parameters.input_joint), steps), "inputs")

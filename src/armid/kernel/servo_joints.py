@@ -86,6 +86,10 @@ class ServoJoints:
         object.__setattr__(self, "values", array(self.values, (self.laws.count,), "values"))
         if not (self.step > 0.0 and self.steep > 0.0):
             raise ArmidError(f"The step of a roll-out must be above zero; found {self.step:g} s.")
+        if not (self.limit > 0.0).all():
+            raise ArmidError(
+                "The largest torque of a servo must be above zero.", remedy="leave it infinite if unknown."
+            )
         if (self.stiffness < 0.0).any() or (self.damping < 0.0).any() or (self.armature < 0.0).any():
             raise ArmidError(
                 "Stiffness, damping and rotor inertia of a servo must not be negative.",

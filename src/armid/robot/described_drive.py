@@ -12,15 +12,17 @@ from armid.robot.xml import numbers
 
 @dataclass(frozen=True, slots=True)
 class DescribedServo:
-    """Position servo of a joint in the description: torque K (c - q) - D q̇ for the command c.
+    """Position servo of a joint in the description: torque K (c - q - b) - D q̇ for the command c.
 
     Attributes:
         stiffness: K [N·m/rad or N/m].
         damping: D [N·m·s/rad or N·s/m].
+        offset: b [rad or m].
     """
 
     stiffness: float
     damping: float = 0.0
+    offset: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

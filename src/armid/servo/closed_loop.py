@@ -1,4 +1,4 @@
-"""SimulatedRun motion of an arm under recorded commands, and its derivatives by the parameters."""
+"""Simulated motion of an arm under recorded commands, and its derivatives by the parameters."""
 
 from __future__ import annotations
 
@@ -22,13 +22,14 @@ than 0.1 mrad."""
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SimulatedRun:
-    """SimulatedRun motion of one run.
+    """Simulated motion of one run.
 
     Attributes:
         q: Positions at the samples of the run, shape (N, n) [rad or m].
         jacobian: Derivatives of the positions at the samples after the first by the columns of `columns_of`, shape
-            (N - 1, n, columns); `None` if they were not asked for.
-        unsettled: Number of steps at which the iteration for the velocity did not converge.
+            (N - 1, n, columns); `None` if they were not asked for, or if the motion diverges.
+        unsettled: Number of steps at which the iteration for the velocity did not converge; for runs that are
+            simulated side by side, that of all of them, at the first one.
     """
 
     q: Array
@@ -59,7 +60,7 @@ def simulate(
     """
     found: dict[int, SimulatedRun] = {}
     for each in _side_by_side(runs):
-        substeps = max(1, int(np.ceil(runs[each[0]].step / LONGEST_STEP)))
+        substeps = max(1, int(np.ceil(runs[each[0]].step / LONGEST_STEP - 1e-9)))
         step = runs[each[0]].step / substeps
         held = [
             held_means(run.command_time, run.command, parameters.delay, run.start, step, (run.samples - 1) * substeps)
@@ -73,10 +74,10 @@ def simulate(
         for k, (means, slopes), of_q, of_dq in zip(each, held, q, dq, strict=True):
             states = slice(0, len(means) + 1)
             jacobian = None
-            if derivatives:
+            if derivatives and np.isfinite(of_q[states]).all():
                 state = of_q[states], of_dq[states]
                 jacobian = _jacobian(model, parameters, means, slopes, *state, step, substeps)
-            found[k] = SimulatedRun(of_q[states][::substeps], jacobian, unsettled)
+            found[k] = SimulatedRun(of_q[states][::substeps], jacobian, unsettled if k == each[0] else 0)
     return tuple(found[k] for k in range(len(runs)))
 
 

@@ -68,7 +68,7 @@ class EquationErrorFit:
 
 
 def fit_equation_error(
-    tree: Tree, inertial: Array, runs: Sequence[ServoRun], known: Array | None = None
+    tree: Tree, inertial: Array, runs: Sequence[ServoRun], known: Array | None = None, delay: float = 0.0
 ) -> EquationErrorFit:
     """Fits each joint by least squares with coefficients that cannot be negative.
 
@@ -77,8 +77,9 @@ def fit_equation_error(
         inertial: Inertial parameters of the description, shape (n, 10).
         runs: Training runs.
         known: Stiffness of the joints for which it is known, NaN for the others, shape (n,).
+        delay: Expected delay of the commands [s].
     """
-    parts = [_columns(tree, inertial, run) for run in runs]
+    parts = [_columns(tree, inertial, run, delay) for run in runs]
     n = tree.n
     found = np.zeros((5, n))
     deviation = np.zeros(n)
@@ -107,7 +108,7 @@ def fit_equation_error(
     return EquationErrorFit(found[0], deviation, *found[1:])
 
 
-def _columns(tree: Tree, inertial: Array, run: ServoRun) -> tuple[Array, Array, float]:
+def _columns(tree: Tree, inertial: Array, run: ServoRun, delay: float) -> tuple[Array, Array, float]:
     """Columns (N, n, 5) and position errors (N, n) of a run, filtered alike, and its number of independent rows."""
     rate = 1.0 / run.step
     cutoff = min(CUTOFF, NYQUIST_SHARE * rate / 2.0)
@@ -121,7 +122,7 @@ def _columns(tree: Tree, inertial: Array, run: ServoRun) -> tuple[Array, Array, 
     ddq = np.gradient(dq, run.step, axis=0)
     load = kernel.inverse_dynamics(tree, inertial, q, dq, ddq)
     dry = low_pass(np.tanh(dq / WIDTH))
-    error = low_pass(run.held(run.time)) - q
+    error = low_pass(run.held(run.time - delay)) - q
     columns = np.stack([load, ddq, dq, dry, np.ones_like(q)], axis=2)
     trim = min(round(TRIM * rate), len(q) // 4)
     kept = slice(trim, len(q) - trim)

@@ -23,7 +23,11 @@ HARDLY_SEEN = 0.3
 """Share of the information from the data up to which a parameter counts as not identifiable: its interval is at least
 0.84 times as wide as that of the prior."""
 
-Origin = Literal["identified", "prior-dominated", "not identifiable", "given"]
+NARROW = 1.5
+"""Factor within which the 95 % interval of an identified positive parameter lies. A wide prior leaves much room, so a
+share of the information says little by itself."""
+
+Origin = Literal["identified", "weakly identified", "prior-dominated", "not identifiable", "given"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +58,11 @@ class EstimatedValue:
 def estimated_values(estimate: ServoEstimate, runs: list[ServoRun]) -> list[EstimatedValue]:
     """Every gain, friction parameter, rotor inertia, offset and delay, joint by joint.
 
-    Intervals contain prior and residuals, with the correlation of the residuals. Where the first estimate was kept,
-    they are those of the output error about it.
+    Intervals contain prior and residuals, with the correlation of the residuals.
     """
     names, deviation = estimate.unknowns.names(), np.sqrt(np.diag(estimate.fit.covariance))
     load = _load_ranges(estimate, runs)
+    sliding = [joint.is_prismatic for joint in estimate.model.robot.joints]
     found: list[EstimatedValue] = []
     fields = ("stiffness", "damping", "rotor_inertia", "friction", "offset", "delay")
     for field in fields:
@@ -78,16 +82,16 @@ def estimated_values(estimate: ServoEstimate, runs: list[ServoRun]) -> list[Esti
                 else (value - half, value + half)
             )
             share = float(estimate.fit.information[at])
-            origin = _origin(share)
-            reason = "" if origin == "identified" else _reason(field, load[joint])
+            origin = _origin(share, narrow=field not in LOGARITHMIC or half <= np.log(NARROW))
+            reason = "" if origin.endswith("identified") else _reason(field, load[joint], sliding[joint])
             low, high = float(ends[0]), float(ends[1])
             found.append(EstimatedValue(kind, joint, float(value), low, high, share, origin, reason))
     return sorted(found, key=lambda each: each.joint)
 
 
-def _origin(share: float) -> Origin:
+def _origin(share: float, *, narrow: bool) -> Origin:
     if share >= IDENTIFIED:
-        return "identified"
+        return "identified" if narrow else "weakly identified"
     return "not identifiable" if share <= HARDLY_SEEN else "prior-dominated"
 
 
@@ -97,12 +101,14 @@ def _load_ranges(estimate: ServoEstimate, runs: list[ServoRun]) -> Array:
     return np.ptp(np.concatenate(torque), axis=0)
 
 
-def _reason(field: str, load: float) -> str:
+def _reason(field: str, load: float, sliding: bool) -> str:
+    """Why recordings do not show a parameter, for a joint whose gravity torque changes by `load`."""
     if field == "offset":
         return "an offset and a constant load have the same effect"
     if field == "delay":
         return "the motion is too slow or too small to show a delay"
-    return (
-        f"only a known load shows the scale of torques; gravity changes the torque of this joint by {load:.3g} and "
-        "motion adds little"
+    unit = "N" if sliding else "N·m"
+    scale = (
+        f"only a known load shows the scale of torques, and gravity changes that of this joint by {load:.3g} {unit}"
     )
+    return scale if field == "stiffness" else f"its ratio to the stiffness may be known, but {scale}"

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armid.checked_array import Array
+from armid.errors import EstimationError
 from armid.servo.closed_loop import simulate
 from armid.servo.parameters import ServoParameters
 from armid.servo.servo_run import ServoRun
@@ -36,6 +37,16 @@ with an error of the encoder and from an uncertain velocity; a servo forgets bot
 residuals, 45 to 85 % of the 95 % intervals of virtual arms with encoders of 12 bit held the truth; without them, 90
 to 100 %."""
 
+FINEST = 5e-3
+"""Shortest time between two residuals that are used [s]. Positions of a servo hardly change in less, and the memory
+for their derivatives grows with their number."""
+
+PIECE = 2000
+"""Number of rows whose derivatives are converted at once."""
+
+LEAST_DAMPING = 1e-9
+"""Smallest damping, relative to the diagonal of the information."""
+
 NOISE = 1e-5
 """Smallest deviation of the residuals of a joint [rad or m], far below the step of any encoder."""
 
@@ -55,7 +66,7 @@ class OutputErrorFit:
         covariance: Covariance of x by prior and residuals, shape (count, count).
         information: Share of the information about each unknown that comes from the data, shape (count,).
         rms: RMS of the residuals of each joint, shape (n,) [rad or m].
-        correlation: Correlation time of the residuals of each joint, shape (n,) [samples].
+        correlation: Correlation time of the residuals of each joint, shape (n,) [rows].
         steps: Number of steps.
         settled: True if the search ended by itself.
         unsettled: Number of integration steps that did not converge at the minimum.
@@ -74,10 +85,10 @@ class OutputErrorFit:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Point:
-    """Residuals (N - 1, n) of each run, their derivatives (N - 1, n, count), and open integration steps."""
+    """Unknowns, residuals (rows, n) of each run, and the number of integration steps that did not converge."""
 
+    x: Array
     residuals: tuple[Array, ...]
-    slopes: tuple[Array, ...]
     unsettled: int
 
 
@@ -95,40 +106,45 @@ def minimise_output_error(
         unknowns: Unknowns with their prior.
         runs: Training runs.
         start: Unknowns at which the search starts; the prior mean if not given.
-        most_steps: Largest number of Gauss-Newton steps.
+        most_steps: Largest number of Gauss-Newton steps; with 0, the fit is the start.
         progress: Function that is called with the share of the steps that are done.
+
+    Raises:
+        EstimationError: The simulated motion diverges at the start.
     """
-    x = np.zeros(unknowns.count) if start is None else start
-    point = _evaluate(unknowns, x, runs)
+    point = _evaluate(unknowns, np.zeros(unknowns.count) if start is None else start, runs)
+    if not all(np.isfinite(each).all() for each in point.residuals):
+        raise EstimationError(
+            "The simulated motion diverges with the first estimate of the servos.",
+            remedy="check the units of command and position, and state the stiffness of the servos.",
+        )
     weight, rms, correlation = _weights(point.residuals)
-    damping, settled, step = DAMPING[0], False, 0
+    damping, settled, step = DAMPING[0], most_steps == 0, 0
     for step in range(1, most_steps + 1):
-        information, slope = _normal_equations(unknowns, point, weight, x)
-        cost = _cost(unknowns, point, weight, x)
-        found = None
+        information, slope = _normal_equations(unknowns, point, weight, runs)
+        cost, found = _cost(unknowns, point, weight), None
         while found is None and damping < DAMPING[1]:
             change = np.linalg.solve(information + damping * np.diag(np.diag(information)), slope)
             change *= min(1.0, FARTHEST / max(float(np.abs(change / unknowns.deviation).max(initial=0.0)), 1e-300))
-            trial = _evaluate(unknowns, x + change, runs)
-            lower = _cost(unknowns, trial, weight, x + change)
+            trial = _evaluate(unknowns, point.x + change, runs)
+            lower = _cost(unknowns, trial, weight)
             found = trial if lower < cost else None
             damping *= FEWER if found is not None else MORE
-            if found is not None:
-                x, point, settled = x + change, trial, cost - lower < SETTLED
-        damping = max(damping, 1e-9)
-        if found is None:
-            settled = True  # no direction goes down any more
-            break
-        weight, rms, correlation = _weights(point.residuals)
+            settled = cost - lower < SETTLED if found is not None else settled
+        damping = max(damping, LEAST_DAMPING)
+        settled = settled or found is None  # no direction goes down any more
+        if found is not None:
+            point = found
+            weight, rms, correlation = _weights(point.residuals)
         if progress is not None:
             progress(step / most_steps)
         if settled:
             break
-    information, _ = _normal_equations(unknowns, point, weight, x)
+    information, _ = _normal_equations(unknowns, point, weight, runs)
     covariance = np.linalg.inv(information)
     return OutputErrorFit(
-        x,
-        unknowns.parameters(x),
+        point.x,
+        unknowns.parameters(point.x),
         0.5 * (covariance + covariance.T),
         1.0 - np.clip(np.diag(covariance) / unknowns.deviation**2, 0.0, 1.0),
         rms,
@@ -139,31 +155,46 @@ def minimise_output_error(
     )
 
 
+def _rows(run: ServoRun) -> slice:
+    """Samples of a run, after its first one, whose residuals are used."""
+    first = min(round(TRANSIENT / run.step), run.samples // 2)
+    return slice(first, None, max(1, round(FINEST / run.step)))
+
+
 def _evaluate(unknowns: Unknowns, x: Array, runs: Sequence[ServoRun]) -> _Point:
-    found = simulate(unknowns.model, unknowns.parameters(x), runs, derivatives=True)
-    residuals, slopes = [], []
-    for run, simulated in zip(runs, found, strict=True):
-        assert simulated.jacobian is not None
-        first = min(round(TRANSIENT / run.step), run.samples // 2)
-        residuals.append((run.q[1:] - simulated.q[1:])[first:])
-        slopes.append(unknowns.chained(simulated.jacobian[first:], x))
-    return _Point(tuple(residuals), tuple(slopes), sum(each.unsettled for each in found))
+    """Residuals at unknowns x; NaN where the simulated motion diverges."""
+    found = simulate(unknowns.model, unknowns.parameters(x), runs)
+    residuals = tuple((run.q[1:] - simulated.q[1:])[_rows(run)] for run, simulated in zip(runs, found, strict=True))
+    return _Point(x, residuals, sum(each.unsettled for each in found))
 
 
-def _cost(unknowns: Unknowns, point: _Point, weight: Array, x: Array) -> float:
+def _cost(unknowns: Unknowns, point: _Point, weight: Array) -> float:
+    """Objective at a point; infinite where the motion diverges."""
     with np.errstate(all="ignore"):
         misfit = sum(float(weight @ np.sum(r * r, axis=0)) for r in point.residuals)
-    return misfit + float(np.sum((x / unknowns.deviation) ** 2)) if np.isfinite(misfit) else np.inf
+    return misfit + float(np.sum((point.x / unknowns.deviation) ** 2)) if np.isfinite(misfit) else np.inf
 
 
-def _normal_equations(unknowns: Unknowns, point: _Point, weight: Array, x: Array) -> tuple[Array, Array]:
-    """Information (count, count) of data and prior, and half the downward gradient of the objective."""
+def _normal_equations(
+    unknowns: Unknowns, point: _Point, weight: Array, runs: Sequence[ServoRun]
+) -> tuple[Array, Array]:
+    """Information (count, count) of data and prior, and half the downward gradient of the objective.
+
+    Runs are differentiated one after another, and their derivatives are not kept.
+    """
     information = np.diag(unknowns.deviation**-2)
-    slope = -x * unknowns.deviation**-2
-    for residual, slopes in zip(point.residuals, point.slopes, strict=True):
-        scaled = (slopes * np.sqrt(weight)[:, None]).reshape(-1, unknowns.count)
-        information += scaled.T @ scaled
-        slope += scaled.T @ (residual * np.sqrt(weight)).ravel()
+    slope = -point.x * unknowns.deviation**-2
+    parameters, root = unknowns.parameters(point.x), np.sqrt(weight)
+    for run, residual in zip(runs, point.residuals, strict=True):
+        (simulated,) = simulate(unknowns.model, parameters, [run], derivatives=True)
+        if simulated.jacobian is None:
+            continue  # rounding differs between runs alone and side by side, so a motion may diverge in one only
+        jacobian = simulated.jacobian[_rows(run)]
+        for begin in range(0, len(jacobian), PIECE):
+            part = slice(begin, begin + PIECE)
+            scaled = (unknowns.chained(jacobian[part], point.x) * root[:, None]).reshape(-1, unknowns.count)
+            information += scaled.T @ scaled
+            slope += scaled.T @ (residual[part] * root).ravel()
     return information, slope
 
 

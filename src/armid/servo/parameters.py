@@ -100,7 +100,7 @@ def make_servo_model(robot: Robot, terms: Sequence[Term]) -> ServoModel:
         if not law.nonnegative:
             raise ModelError(
                 f"The parameter {law.symbol}_{law.joint + 1} may be negative; friction of a servo must not drive it.",
-                remedy="use terms such as viscous, coulomb and stribeck.",
+                remedy="use terms such as viscous and coulomb.",
             )
     return ServoModel(robot, laws, tuple(name for name, _ in named), law_programs(laws))
 
@@ -118,7 +118,7 @@ def described_parameters(model: ServoModel) -> ServoParameters | None:
     friction = [
         getattr(robot.joints[law.joint].drive, name, 0.0) for name, law in zip(model.terms, model.laws, strict=True)
     ]
-    limits = [min(joint.effort_limit, np.inf) for joint in robot.joints]
+    limits = [joint.effort_limit for joint in robot.joints]
     gains = [(servo.stiffness, servo.damping) for servo in servos if servo is not None]
     return ServoParameters(
         bodies,
@@ -127,6 +127,6 @@ def described_parameters(model: ServoModel) -> ServoParameters | None:
         np.array([stiffness for stiffness, _ in gains]),
         np.array([damping for _, damping in gains]),
         np.array(limits),
-        np.zeros(model.n),
+        np.array([servo.offset for servo in servos if servo is not None]),
         np.zeros(model.n),
     )

@@ -36,10 +36,20 @@ def _error(differences: Sequence[Array]) -> ClosedLoopError:
     return ClosedLoopError(np.sqrt(squares.mean(axis=0)), np.sqrt(squares.mean(axis=1)))
 
 
-def closed_loop_error(model: ServoModel, parameters: ServoParameters, runs: Sequence[ServoRun]) -> ClosedLoopError:
-    """Error of a model on runs, each simulated from its first position to its end."""
+def closed_loop_error(
+    model: ServoModel, parameters: ServoParameters, runs: Sequence[ServoRun], *, after: float = 0.0
+) -> ClosedLoopError:
+    """Error of a model on runs, each simulated from its first position to its end; NaN where the motion diverges.
+
+    Args:
+        model: Arm and friction laws.
+        parameters: Links, friction and servos.
+        runs: Commands and measured positions.
+        after: Time at the beginning of each run that is not judged [s], at most half of it.
+    """
     found = simulate(model, parameters, runs)
-    return _error([run.q - each.q for run, each in zip(runs, found, strict=True)])
+    first = [min(round(after / run.step), run.samples // 2) for run in runs]
+    return _error([(run.q - each.q)[k:] for run, each, k in zip(runs, found, first, strict=True)])
 
 
 def command_error(runs: Sequence[ServoRun]) -> ClosedLoopError:

@@ -18,6 +18,12 @@ GAP_STEPS = 2.5
 SHORTEST = 1.0
 """Shortest run that is used [s]. A servo forgets its unknown initial state in a few tenths of a second."""
 
+FEWEST = 20
+"""Smallest number of samples of a run, so that it can be divided."""
+
+STEP_DIGITS = 6
+"""Significant digits of the step of a grid, so that recordings of one controller have equal steps."""
+
 VELOCITY_SAMPLES = 5
 """Number of samples to which a line is fitted for the initial velocity. Two samples with an encoder of 12 bit would
 give errors of 0.1 rad/s."""
@@ -99,11 +105,12 @@ def servo_runs(recording: Recording) -> tuple[ServoRun, ...]:
     found: list[ServoRun] = []
     for rows in _consecutive(time, use):
         t = time[rows]
-        step = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
-        if len(t) < VELOCITY_SAMPLES or t[-1] - t[0] < SHORTEST:
+        if len(t) < FEWEST or t[-1] - t[0] < SHORTEST:
             continue
+        step = float(f"{float(np.median(np.diff(t))):.{STEP_DIGITS}g}")
         samples = int((t[-1] - t[0]) / step * (1.0 + 1e-9)) + 1
-        within("samples", samples, f"the uniform grid of {recording.source or 'a recording'}")
+        where = f"the uniform grid of {recording.source or 'a recording'}"
+        within("resampled", samples / len(t), where, RecordingError)
         grid = t[0] + step * np.arange(samples)
         q = np.column_stack([np.interp(grid, t, x) for x in recording.q[rows].T])
         command = array(recording.command[rows], (len(t), recording.n), "command")
@@ -131,10 +138,10 @@ def _clock(recording: Recording) -> Array:
     return np.arange(recording.samples) / recording.rate
 
 
-def _consecutive(time: Array, use: NDArray[np.bool_]) -> list[slice]:
-    """Slices of consecutive used rows without a gap or a step back in time."""
-    steps = np.diff(time)
+def _consecutive(time: Array, use: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Numbers of consecutive used rows without a gap or a step back in time; of equal times, the last row counts."""
+    rows = np.flatnonzero(use & np.append(np.diff(time) != 0.0, True))
+    steps = np.diff(time[rows])
     typical = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
-    joined = use[1:] & use[:-1] & (steps > 0.0) & (steps <= GAP_STEPS * typical)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], joined, [False]]).astype(np.int8)))
-    return [slice(int(a), int(b) + 1) for a, b in edges.reshape(-1, 2)]
+    borders = np.flatnonzero((steps <= 0.0) | (steps > GAP_STEPS * typical))
+    return np.split(rows, borders + 1)

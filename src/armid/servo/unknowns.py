@@ -86,6 +86,15 @@ class Unknowns:
         values |= {name: getattr(self.mean, name) + parts[name] for name in ADDITIVE}
         return replace(self.mean, inertial=self._bodies(bodies), **values)
 
+    def near(self, parameters: ServoParameters) -> Array:
+        """Coordinates (count,) of gains, friction, offsets and delays of other parameters, with the prior links."""
+        parts: list[Array] = []
+        for name, size in self._sizes.items():
+            own, mean = getattr(parameters, name), getattr(self.mean, name)
+            ratio = np.divide(own, mean, out=np.ones(size), where=(own > 0.0) & (mean > 0.0))
+            parts.append(np.log(ratio) if name in LOGARITHMIC else own - mean)
+        return np.concatenate([*parts, np.zeros(10 * self.model.n)])[self.free]
+
     def chained(self, jacobian: Array, x: Array) -> Array:
         """Derivatives (N, n, count) by the unknowns from those by the parameters, shape (N, n, columns)."""
         parts, bodies = self._split(x)

@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 from armid.errors import EstimationError
-from armid.servo.estimate_table import estimated_values
+from armid.robot.robot import InertialParameters
+from armid.servo import identify_servo as module
+from armid.servo.closed_loop import simulate
+from armid.servo.equation_error import EquationErrorFit
+from armid.servo.estimate_table import NARROW, estimated_values
 from armid.servo.identify_servo import identify_servo
 from armid.servo.options import ServoOptions
-from armid.servo.output_error import correlation_times
+from armid.servo.output_error import correlation_times, minimise_output_error
 from armid.servo.score import closed_loop_error, command_error
 from servo_labs import BITS, any_parameters, recorded, servo_model, small_arm
 
@@ -61,13 +65,16 @@ def test_intervals_hold_the_truth(identified):
     assert np.mean(inside) >= INSIDE
 
 
-def test_gains_that_no_load_shows_are_not_called_identified(identified):
-    """The upright pan joint is accelerated by links that are known to 10 %, and not loaded by gravity."""
-    for _, estimate, train, _ in identified:
+def test_what_is_called_identified_is_known(identified):
+    """Gravity does not load the upright pan joint; only links that are known to 10 % accelerate with it."""
+    for truth, estimate, train, _ in identified:
         values = {(each.kind, each.joint): each for each in estimated_values(estimate, [train])}
         pan, lift = values["stiffness", 0], values["stiffness", 1]
         assert lift.origin == "identified"
         assert np.log(pan.high / pan.low) > np.log(lift.high / lift.low)
+        for each in values.values():
+            if each.origin == "identified" and each.kind not in ("offset", "delay"):
+                assert abs(np.log(each.value / true_value(truth, estimate.model, each))) < np.log(NARROW)
 
 
 def test_known_gains_stay(identified):
@@ -84,6 +91,60 @@ def test_a_description_without_masses_is_refused(identified):
     empty = replace(robot, links=[replace(link, inertial=None) for link in robot.links])
     with pytest.raises(EstimationError, match="gives no mass"):
         identify_servo(servo_model(empty), [train])
+
+
+def test_impossible_links_are_named(identified):
+    _, _, train, _ = identified[0]
+    robot = small_arm()
+    vector = robot.links[1].inertial.vector.copy()
+    vector[4] = 10.0 * vector[6]  # Ixx above Iyy + Izz
+    flat = replace(robot.links[1], inertial=InertialParameters.from_vector(vector))
+    with pytest.raises(EstimationError, match="gives for link_2"):
+        identify_servo(servo_model(replace(robot, links=[robot.links[0], flat, robot.links[2]])), [train])
+
+
+def test_joints_without_load_need_a_stiffness(identified):
+    """Nothing shows the scale of torques without gravity and without a load in the first estimate."""
+    _, estimate, train, _ = identified[0]
+    model, none = servo_model(replace(small_arm(), gravity=(0.0, 0.0, 0.0))), np.zeros(3)
+    first = EquationErrorFit(none, np.ones(3), none, none, none, none)
+    with pytest.raises(EstimationError, match="no stiffness is stated"):
+        module.make_unknowns(model, first, model.robot.inertial_vector, [train], ServoOptions())
+    known = module.make_unknowns(
+        model, first, model.robot.inertial_vector, [train], ServoOptions(stiffness=np.full(3, 20.0))
+    )
+    assert np.array_equal(known.mean.stiffness, np.full(3, 20.0))
+    assert estimate.unknowns.count > known.count
+
+
+def test_a_motion_that_diverges_is_an_error(identified):
+    """Positions of 1e200 rad make infinite centrifugal torques."""
+    truth, estimate, train, _ = identified[0]
+    wild = replace(train, command=np.full_like(train.command, 1e200))
+    (found,) = simulate(estimate.model, truth, [wild], derivatives=True)
+    assert not np.isfinite(found.q).all()
+    assert found.jacobian is None
+    assert found.unsettled > 0
+    with pytest.raises(EstimationError, match="diverges"):
+        minimise_output_error(estimate.unknowns, [wild])
+
+
+def test_the_first_estimate_is_kept_where_it_predicts_better(identified, monkeypatch):
+    """Its intervals are then those at the first estimate."""
+    _, estimate, train, _ = identified[0]
+    real = module.minimise_output_error
+
+    def worse(unknowns, runs, *, start=None, most_steps=20, progress=None):
+        if most_steps == module.FEW_STEPS:
+            away = 1.5 * np.array([name == "stiffness" for name, _ in unknowns.names()])
+            return real(unknowns, runs, start=away, most_steps=0)
+        return real(unknowns, runs, start=start, most_steps=most_steps, progress=progress)
+
+    monkeypatch.setattr(module, "minimise_output_error", worse)
+    kept = identify_servo(estimate.model, [train])
+    assert not kept.refined
+    assert not kept.fit.x.any()
+    assert np.allclose(kept.parameters.stiffness, kept.unknowns.mean.stiffness)
 
 
 def test_correlation_times():

@@ -10,7 +10,7 @@ import typer
 
 from armid.cli.commands.identify import HeldOut, Inputs
 from armid.cli.log_format_options import Columns, Rate, TimeUnit, Units, given
-from armid.cli.options import Gravity, Json, Lock, Only, Out, Package, TipLink, robot_choice, run_folder
+from armid.cli.options import Gravity, Json, Lock, Only, Out, Package, TipLink, run_folder
 
 if TYPE_CHECKING:
     from armid.study.config import Study
@@ -79,7 +79,7 @@ def servo(
         print_servo_result(result)
         sys.stdout.write(f"result written to {folder}: servo.json, and {MODEL} with actuators\n")
     print_findings(list(result.findings))
-    if result.score is not None and result.score.model.total >= result.score.command.total:
+    if result.score is not None and not result.score.model.total < result.score.command.total:
         raise typer.Exit(1)
 
 
@@ -94,28 +94,13 @@ def _study(
     """Study in a file, or a new one of the arm and the recordings; options of the servos replace those of a file."""
     from dataclasses import replace
 
-    from armid.errors import StudyError
-    from armid.measurement.log_format import LogFormat
-    from armid.study.config import ModelChoice, RecordingChoice, Study, load_study
+    from armid.cli.study_arguments import study_of
 
     gains = {"stiffness": _numbers(stiffness, "--stiffness"), "damping": _numbers(damping, "--damping")}
-    gains = {key: value for key, value in gains.items() if value is not None}
-    if len(inputs) == 1:
-        if not inputs[0].endswith(".toml"):
-            raise StudyError(
-                f"{inputs[0]} is an arm and not a study, but no recordings are given.",
-                remedy="give a study.toml, or an arm followed by its recordings.",
-            )
-        study = load_study(inputs[0])
-        extra = tuple(
-            RecordingChoice(str(Path(path).absolute()), "validate", study.recordings[0].reading) for path in validate
-        )
-        return replace(study, recordings=(*study.recordings, *extra), servo=replace(study.servo, **gains))
-    log_format = LogFormat(**reading)
-    recordings = tuple(RecordingChoice(path, reading=log_format) for path in inputs[1:])
-    recordings += tuple(RecordingChoice(path, "validate", log_format) for path in validate)
-    study = Study(robot_choice(inputs[0], *arm), ModelChoice(), recordings)
-    return replace(study, servo=replace(study.servo, **gains))
+    study = study_of(inputs, validate, reading, arm, None)
+    return replace(
+        study, servo=replace(study.servo, **{key: value for key, value in gains.items() if value is not None})
+    )
 
 
 def _numbers(text: str | None, option: str) -> tuple[float, ...] | None:

@@ -25,7 +25,13 @@ COLUMNS = {
 """Headings of the columns of the table of parameters, by kind."""
 
 SCALES = {"offset": 1e3, "delay": 1e3}
-MARKS = {"identified": "", "prior-dominated": " p", "not identifiable": " n", "given": " g"}
+MARKS = {
+    "identified": "",
+    "weakly identified": " w",
+    "prior-dominated": " p",
+    "not identifiable": " n",
+    "given": " g",
+}
 """Mark behind a value, by its origin."""
 
 
@@ -35,7 +41,8 @@ def print_servo_result(result: ServoResult) -> None:
     console.print(_errors(result))
     console.print(_parameters(result))
     console.print(
-        "values with 95 % intervals; n: not identifiable from these recordings, p: dominated by the prior, g: given"
+        "values with 95 % intervals; w: weakly identified, p: dominated by the prior, n: not identifiable from these "
+        "recordings, g: given"
     )
     for each in result.values:
         if each.origin == "not identifiable" and each.kind == "stiffness":

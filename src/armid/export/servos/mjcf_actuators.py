@@ -40,7 +40,9 @@ def servo_mjcf(model: ServoModel, parameters: ServoParameters) -> bytes:
     for name, law, value in zip(model.terms, model.laws, parameters.friction, strict=True):
         if name in PLACES:
             joints[robot.joints[law.joint].name][name] = float(value)
-    text = write(Content(replace(robot, links=links), joints)).data.decode()
+    limits = zip(robot.joints, parameters.limit, strict=True)  # MuJoCo keeps to the smaller of two limits
+    own = [replace(joint, effort_limit=float(limit)) for joint, limit in limits]
+    text = write(Content(replace(robot, joints=own, links=links), joints)).data.decode()
     option = f'  <option timestep="{TIMESTEP:g}" integrator="implicitfast"/>\n'
     option += f"  <default>\n    <joint {DRY}/>\n  </default>\n"
     text = text.replace("  <worldbody>\n", f"{option}  <worldbody>\n", 1)

@@ -29,17 +29,17 @@ def position_servos(root: ET.Element, settings: Settings) -> Iterator[tuple[str,
             continue
         if actuator.tag == "position":
             stiffness = (numbers(actuator, "kp", 1, source, where) or [USUAL_STIFFNESS])[0]
-            damping = (numbers(actuator, "kv", 1, source, where) or [0.0])[0]
+            damping, offset = (numbers(actuator, "kv", 1, source, where) or [0.0])[0], 0.0
         elif actuator.tag == "general" and actuator.get("biastype") == "affine":
             gain = [float(x) for x in (actuator.get("gainprm") or "1").split()]
             bias = [*(float(x) for x in (actuator.get("biasprm") or "0").split()), 0.0, 0.0, 0.0]
             if actuator.get("gaintype", "fixed") != "fixed" or bias[1] != -gain[0]:
                 continue
-            stiffness, damping = gain[0], -bias[2]
+            stiffness, damping, offset = gain[0], -bias[2], -bias[0] / gain[0] if gain[0] else 0.0
         else:
             continue
         if stiffness > 0.0 and damping >= 0.0:
-            yield name, DescribedServo(stiffness, damping)
+            yield name, DescribedServo(stiffness, damping, offset)
 
 
 def with_position_servos(

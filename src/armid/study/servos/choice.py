@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from armid.checked_array import Array
-from armid.errors import StudyError
-from armid.model.terms import Coulomb, Viscous
+from armid.errors import StudyError, did_you_mean
+from armid.model.terms import TERMS, Coulomb, Viscous
 from armid.robot import Robot
 from armid.servo.options import BODIES, ServoOptions
 
@@ -44,7 +44,14 @@ class ServoChoice:
     terms: tuple[str, ...] = (Viscous.name, Coulomb.name)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "terms", tuple(self.terms))
+        if isinstance(self.terms, str) or not self.terms or any(name not in TERMS for name in self.terms):
+            unknown = next((name for name in self.terms if name not in TERMS), self.terms)
+            raise StudyError(
+                f"[servo] `terms` must be a list of torque terms; found {self.terms!r}.",
+                possible=", ".join(TERMS),
+                remedy=did_you_mean(unknown, TERMS) or f'write for instance terms = ["{Viscous.name}"].',
+            )
+        object.__setattr__(self, "terms", tuple(dict.fromkeys(self.terms)))
         for key in ("stiffness", "damping", "limit"):
             value = getattr(self, key)
             given = [] if value is None else np.ravel(value).tolist()

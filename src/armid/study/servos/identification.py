@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from armid.errors import Finding
 from armid.measurement.recording import Recording
@@ -15,10 +17,13 @@ from armid.servo.identify_servo import ServoEstimate, identify_servo
 from armid.servo.parameters import described_parameters, make_servo_model
 from armid.servo.score import ClosedLoopError, closed_loop_error, command_error
 from armid.servo.servo_run import ServoRun, servo_runs
-from armid.study.config import Study, load_choice
+from armid.study.config import RecordingChoice, Study, load_choice
 from armid.study.progress import Progress, no_progress
 from armid.study.recordings.reading import read_all
 from armid.study.servos.choice import servo_options
+
+USED = 0.9
+"""Share of a recording from which the unused rest is not worth a finding."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -98,9 +103,31 @@ def identify_servo_study(
             None if described is None else closed_loop_error(model, described, parts["validate"]),
         )
     values = tuple(estimated_values(estimate, list(parts["train"])))
-    findings = (*robot.findings, *(each for found in read_findings for each in found), *estimate_findings(estimate))
+    findings = (
+        *robot.findings,
+        *(each for found in read_findings for each in found),
+        *unused_findings(recordings, parts),
+        *estimate_findings(estimate),
+    )
     seconds = time.perf_counter() - began
     return ServoResult(study, robot, estimate, values, parts["train"], parts["validate"], score, findings, seconds)
+
+
+def unused_findings(
+    recordings: Sequence[tuple[RecordingChoice, Recording]], parts: Mapping[str, Sequence[ServoRun]]
+) -> list[Finding]:
+    """Findings about recordings of which a part is not used, because of gaps, masks or short pieces."""
+    found: list[Finding] = []
+    for choice, recording in recordings:
+        used = sum(run.seconds for run in parts[choice.role] if run.source == recording.source)
+        span = recording.samples / (recording.rate or 1.0)
+        if recording.time is not None:
+            span = float(np.ptp(recording.time))
+        if used < USED * span:
+            what = f"{used:.3g} s of {span:.3g} s are used; gaps, masked rows and pieces below a second are not"
+            remedy = "check the clock and the positions with `armid doctor`"
+            found.append(Finding("servo-part-unused", "warning", recording.source, what, remedy))
+    return found
 
 
 def estimate_findings(estimate: ServoEstimate) -> list[Finding]:

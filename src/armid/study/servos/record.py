@@ -52,7 +52,7 @@ def servo_record(result: ServoResult) -> dict[str, Any]:
             "command": error_record(score.command),
             "described": None if score.described is None else error_record(score.described),
         },
-        "noise": {"rms": estimate.fit.rms, "correlation_samples": estimate.fit.correlation},
+        "noise": {"rms": estimate.fit.rms, "correlation_rows": estimate.fit.correlation},
         "seconds": result.seconds,
         "warnings": [finding_record(each) for each in result.findings],
         "study": study_record(result.study),
