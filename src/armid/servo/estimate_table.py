@@ -102,7 +102,7 @@ def _load_ranges(estimate: ServoEstimate, runs: list[ServoRun]) -> Array:
 
 
 def _reason(field: str, load: float, sliding: bool) -> str:
-    """Why recordings do not show a parameter, for a joint whose gravity torque changes by `load`."""
+    """Reason for which recordings do not show a parameter of a joint whose gravity torque changes by `load`."""
     if field == "offset":
         return "an offset and a constant load have the same effect"
     if field == "delay":

@@ -112,12 +112,7 @@ def minimise_output_error(
     Raises:
         EstimationError: The simulated motion diverges at the start.
     """
-    point = _evaluate(unknowns, np.zeros(unknowns.count) if start is None else start, runs)
-    if not all(np.isfinite(each).all() for each in point.residuals):
-        raise EstimationError(
-            "The simulated motion diverges with the first estimate of the servos.",
-            remedy="check the units of command and position, and state the stiffness of the servos.",
-        )
+    point = _begin(unknowns, np.zeros(unknowns.count) if start is None else start, runs)
     weight, rms, correlation = _weights(point.residuals)
     damping, settled, step = DAMPING[0], most_steps == 0, 0
     for step in range(1, most_steps + 1):
@@ -153,6 +148,17 @@ def minimise_output_error(
         settled,
         point.unsettled,
     )
+
+
+def _begin(unknowns: Unknowns, x: Array, runs: Sequence[ServoRun]) -> _Point:
+    """Point at which a search starts, after a check that its motion does not diverge."""
+    point = _evaluate(unknowns, x, runs)
+    if not all(np.isfinite(each).all() for each in point.residuals):
+        raise EstimationError(
+            "The simulated motion diverges with the first estimate of the servos.",
+            remedy="check the units of command and position, and state the stiffness of the servos.",
+        )
+    return point
 
 
 def _rows(run: ServoRun) -> slice:
