@@ -45,6 +45,6 @@ def strongest_wave(rows: QuickRows, residual: Array) -> tuple[float, Array]:
 
 def _longest_piece(time: Array) -> slice:
     """Rows of the longest piece without a gap of `LONGEST_GAP`, over which a wave does not keep its phase."""
-    borders = [0, *(np.flatnonzero(np.diff(time) > LONGEST_GAP) + 1), len(time)]
+    borders = np.concatenate([[0], np.flatnonzero(np.diff(time) > LONGEST_GAP) + 1, [len(time)]])
     longest = int(np.argmax(np.diff(borders)))
     return slice(int(borders[longest]), int(borders[longest + 1]))
