@@ -41,8 +41,8 @@ def print_servo_result(result: ServoResult) -> None:
     console.print(_errors(result))
     console.print(_parameters(result))
     console.print(
-        "values with 95 % intervals, which are lower limits (docs/servo.md); w: weakly identified, p: dominated by the prior, n: not identifiable from these "
-        "recordings, g: given"
+        "values with 95 % intervals, which are lower limits (docs/servo.md); w: weakly identified, p: dominated by "
+        "the prior, n: not identifiable from these recordings, g: given"
     )
     for each in result.values:
         if each.origin == "not identifiable" and each.kind == "stiffness":
