@@ -17,7 +17,6 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 
-from armid.maths.inertia import pseudo_inertia, vector_from_pseudo_inertia
 from armid.robot import load_robot
 from armid.servo import closed_loop
 from armid.servo.estimate_table import estimated_values
@@ -25,7 +24,7 @@ from armid.servo.identify_servo import identify_servo
 from armid.servo.parameters import ServoModel, ServoParameters
 from armid.servo.score import closed_loop_error
 from armid.servo.servo_run import ServoRun
-from servo_labs import servo_model, small_arm
+from servo_labs import servo_model, small_arm, unlike
 
 FINE = 5e-4
 """Step of the simulated truth [s]."""
@@ -36,17 +35,12 @@ def any_arm(model: ServoModel, rng: np.random.Generator) -> ServoParameters:
     n, bodies = model.n, model.robot.inertial_vector
     need = np.full(n, 0.5) if model.robot.name == "small arm" else np.array([60.0, 80.0, 40.0, 8.0, 8.0, 4.0])
     stiffness = need / np.exp(rng.uniform(np.log(0.01), np.log(0.05), n))
-    factors = np.tile(np.eye(4), (n, 1, 1))
-    for i in range(4):
-        for j in range(i + 1):
-            factors[:, i, j] = np.exp(0.1 * rng.normal(size=n)) if i == j else 0.1 * rng.normal(size=n)
-    moved = np.linalg.cholesky(pseudo_inertia(bodies) + 1e-12 * np.eye(4)) @ factors
     shares = {
         "FV": np.exp(rng.uniform(np.log(0.01), np.log(0.06), n)),
         "FS": np.exp(rng.uniform(np.log(2e-3), np.log(0.02), n)),
     }
     return ServoParameters(
-        vector_from_pseudo_inertia(moved @ np.swapaxes(moved, 1, 2)),
+        unlike(bodies, rng),
         stiffness * np.exp(rng.uniform(np.log(3e-4), np.log(2e-3), n)),
         np.array([stiffness[law.joint] * shares[law.symbol][law.joint] for law in model.laws]),
         stiffness,

@@ -38,19 +38,25 @@ def servo_model(robot: Robot) -> ServoModel:
     return make_servo_model(robot, [Viscous(), Coulomb(0.0)])
 
 
+def unlike(bodies: Array, rng: np.random.Generator) -> Array:
+    """Inertial parameters (n, 10) of possible links that differ from `bodies` by about 10 %."""
+    factors = np.tile(np.eye(4), (len(bodies), 1, 1))
+    for i in range(4):
+        for j in range(i + 1):
+            change = 0.1 * rng.normal(size=len(bodies))
+            factors[:, i, j] = np.exp(change) if i == j else change
+    moved = np.linalg.cholesky(pseudo_inertia(bodies) + 1e-12 * np.eye(4)) @ factors
+    return vector_from_pseudo_inertia(moved @ np.swapaxes(moved, 1, 2))
+
+
 def any_parameters(model: ServoModel, rng: np.random.Generator) -> ServoParameters:
     """Servos of hobby arms, and links that differ from the description by about 10 %."""
     n, bodies = model.n, model.robot.inertial_vector
     assert bodies is not None
     stiffness = np.exp(rng.uniform(np.log(8.0), np.log(40.0), n))
     shares = {"FV": np.exp(rng.uniform(-4.6, -2.8, n)), "FS": np.exp(rng.uniform(-6.2, -3.9, n))}
-    factors = np.tile(np.eye(4), (n, 1, 1))
-    for i in range(4):
-        for j in range(i + 1):
-            factors[:, i, j] = np.exp(0.1 * rng.normal(size=n)) if i == j else 0.1 * rng.normal(size=n)
-    A = np.linalg.cholesky(pseudo_inertia(bodies)) @ factors
     return ServoParameters(
-        vector_from_pseudo_inertia(A @ np.swapaxes(A, 1, 2)),
+        unlike(bodies, rng),
         np.exp(rng.uniform(np.log(0.005), np.log(0.04), n)),
         np.array([stiffness[law.joint] * shares[law.symbol][law.joint] for law in model.laws]),
         stiffness,
