@@ -67,7 +67,7 @@ def main() -> int:
         count,
         make_layout(robot.tree, links, np.zeros(0, dtype=int), np.zeros(0, dtype=int)),
         len(base) + np.arange(2 * n),
-        np.stack([len(base) + (2 + k) * n + np.arange(n) if k < 2 else np.full(n, -1) for k in range(3)]),
+        np.stack([len(base) + (2 + k) * n + np.arange(n) if k < 2 else np.full(n, -1) for k in range(4)]),
         np.tile(np.arange(n), 2),
         len(base) + 4 * n + np.arange(2 * n),
     )

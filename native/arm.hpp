@@ -136,7 +136,7 @@ struct RolloutParameters {
   int count;
   Layout links;                   // the wanted inertial parameters; every joint's last column is not used
   const std::int32_t* parameter;  // of each column of the layout
-  const std::int32_t *law, *armature, *stiffness, *damping;
+  const std::int32_t *law, *armature, *stiffness, *damping, *limit;
   // Inputs: what adds to the servo's torque for a unit of a parameter, (inputs, N).
   int inputs;
   const std::int32_t *input_joint, *input_parameter;

@@ -78,7 +78,7 @@ std::int64_t roll_out(const std::string& isa, const ArmData& data, In<double> in
 struct ParameterArrays {
   int count;
   In<std::int32_t> offset, target, parameter;  // of the links
-  In<std::int32_t> law, joint;                 // joint: (3, n): armature, stiffness, damping
+  In<std::int32_t> law, joint;                 // joint: (4, n): armature, stiffness, damping, limit
   In<std::int32_t> input_joint, input_parameter;
   In<double> input;
 };
@@ -98,7 +98,7 @@ void roll_out_sensitivities(const std::string& isa, const ArmData& data, In<doub
   require(out.size() == N / every * n * of.count, "out must be (N / every, n, count)");
   const Layout links = layout_of(data, of.offset, of.target, {});
   require(of.parameter.size() == static_cast<std::size_t>(of.offset.data()[n]), "each column needs a parameter");
-  require(of.law.size() == static_cast<std::size_t>(servos.laws.count) && of.joint.size() == 3 * n,
+  require(of.law.size() == static_cast<std::size_t>(servos.laws.count) && of.joint.size() == 4 * n,
           "each law and gain needs a parameter");
   require(of.input_joint.size() == of.input_parameter.size() && of.input.size() == of.input_joint.size() * N,
           "inputs must be (inputs, N)");
@@ -119,6 +119,7 @@ void roll_out_sensitivities(const std::string& isa, const ArmData& data, In<doub
                                      joint,
                                      joint + n,
                                      joint + 2 * n,
+                                     joint + 3 * n,
                                      static_cast<int>(of.input_joint.size()),
                                      of.input_joint.data(),
                                      of.input_parameter.data(),

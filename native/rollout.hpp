@@ -289,7 +289,10 @@ class Sensitivities {
       Gv_[i * n_ + i] -= servos_.armature[i] / h;
       double* row = &rhs_[i * width_];
       if (wanted_.armature[i] >= 0) row[wanted_.armature[i]] -= (y - v) / h;
-      if (!inside) continue;
+      if (!inside) {
+        if (wanted_.limit[i] >= 0) row[wanted_.limit[i]] += raw > 0.0 ? 1.0 : -1.0;
+        continue;
+      }
       A_[i * n_ + i] += 0.25 * h * kp + 0.5 * kd;
       Gq_[i * n_ + i] += kp;
       Gv_[i * n_ + i] += 0.25 * h * kp + 0.5 * kd;

@@ -38,14 +38,13 @@ def files(tmp_path_factory):
         np.zeros(3),
     )
     (folder / "arm.xml").write_bytes(servo_mjcf(model, described))
-    with pytest.MonkeyPatch.context() as patched:
-        for name in ("one", "two", "other"):
-            run = recorded(model, truth, rng, 12.0, patched)
-            with (folder / f"{name}.csv").open("w", newline="") as file:
-                writer = csv.writer(file)
-                writer.writerow(["t", *(f"q{k}" for k in (1, 2, 3)), *(f"command{k}" for k in (1, 2, 3))])
-                command = run.held(run.time)
-                writer.writerows(np.column_stack([run.time, run.q, command]).tolist())
+    for name in ("one", "two", "other"):
+        run = recorded(model, truth, rng, 12.0)
+        with (folder / f"{name}.csv").open("w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(["t", *(f"q{k}" for k in (1, 2, 3)), *(f"command{k}" for k in (1, 2, 3))])
+            command = run.held(run.time)
+            writer.writerows(np.column_stack([run.time, run.q, command]).tolist())
     return folder, truth
 
 

@@ -59,9 +59,9 @@ def any_motion(rng: np.random.Generator, n: int, windows: int, steps: int):
 def all_parameters(tree, laws: LawPrograms, inputs: int) -> RollOutParameters:
     """Every inertial parameter, law, gain and one input for each joint."""
     n, links = tree.n, 10 * tree.n
-    count = links + laws.count + 3 * n + inputs
+    count = links + laws.count + 4 * n + inputs
     layout = make_layout(tree, np.arange(links), np.zeros(0, dtype=int), np.zeros(0, dtype=int))
-    gains = links + laws.count + np.arange(3 * n).reshape(3, n)
+    gains = links + laws.count + np.arange(4 * n).reshape(4, n)
     return RollOutParameters(
         count, layout, links + np.arange(laws.count), gains, np.arange(inputs), count - inputs + np.arange(inputs)
     )
@@ -98,12 +98,22 @@ def test_derivatives_are_those_of_the_motion(seed):
     command, torque, start, speed = any_motion(rng, n, 1, steps)
     inputs, parameters = rng.normal(size=(n, steps)), all_parameters(tree, laws, n)
     theta = np.concatenate(
-        [inertial.ravel(), servos.values, servos.armature, servos.stiffness, servos.damping, np.zeros(n)]
+        [
+            inertial.ravel(),
+            servos.values,
+            servos.armature,
+            servos.stiffness,
+            servos.damping,
+            servos.limit,
+            np.zeros(n),
+        ]
     )
+    assert np.isfinite(servos.limit).any()
 
     def moved(theta):
-        bodies, values, armature, stiffness, damping, more = np.split(theta, np.cumsum([10 * n, laws.count, n, n, n]))
-        own = ServoJoints(stiffness, damping, servos.limit, armature, laws, values, servos.step)
+        ends = np.cumsum([10 * n, laws.count, n, n, n, n])
+        bodies, values, armature, stiffness, damping, limit, more = np.split(theta, ends)
+        own = ServoJoints(stiffness, damping, limit, armature, laws, values, servos.step)
         added = torque + (more[:, None] * inputs).T
         return kernel.roll_out(tree, bodies.reshape(n, 10), own, command, added, start, speed)
 
@@ -129,7 +139,9 @@ def test_derivatives_with_dry_friction():
     t = 0.002 * np.arange(500)
     command = 0.3 * np.sin(2.0 * np.pi * np.outer(t, np.linspace(0.3, 1.0, 7)))[None]
     layout = make_layout(tree, np.full(70, -1), np.zeros(0, dtype=int), np.zeros(0, dtype=int))
-    parameters = RollOutParameters(7, layout, np.full(21, -1), [np.full(7, -1), np.arange(7), np.full(7, -1)], [], [])
+    parameters = RollOutParameters(
+        7, layout, np.full(21, -1), [np.full(7, -1), np.arange(7), *np.full((2, 7), -1)], [], []
+    )
 
     def moved(stiffness):
         servos = ServoJoints(stiffness, *gains[1:], np.full(7, 0.5), laws, values, step=0.002)

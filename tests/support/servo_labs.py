@@ -10,7 +10,7 @@ from armid.checked_array import Array
 from armid.maths.inertia import pseudo_inertia, vector_from_pseudo_inertia
 from armid.model.terms import Coulomb, Viscous
 from armid.robot.robot import Frame, InertialParameters, Joint, Link, Robot
-from armid.servo import closed_loop
+from armid.servo.closed_loop import simulate
 from armid.servo.parameters import ServoModel, ServoParameters, make_servo_model
 from armid.servo.servo_run import ServoRun
 
@@ -67,9 +67,7 @@ def any_parameters(model: ServoModel, rng: np.random.Generator) -> ServoParamete
     )
 
 
-def recorded(
-    model: ServoModel, parameters: ServoParameters, rng: np.random.Generator, seconds: float, monkeypatch
-) -> ServoRun:
+def recorded(model: ServoModel, parameters: ServoParameters, rng: np.random.Generator, seconds: float) -> ServoRun:
     """Run of a motion of five frequencies, integrated with steps of 0.5 ms and read by encoders of 12 bit."""
     samples = round(seconds * RATE)
     t = np.arange(samples) / RATE
@@ -80,9 +78,7 @@ def recorded(
             rng.uniform(0.05, 0.35, model.n) * np.minimum(1.0, 0.5 / f) * np.sin(2 * np.pi * f * t[:, None] + phase)
         )
     still = ServoRun(1.0 / RATE, 0.0, np.repeat(command[:1], samples, axis=0), np.zeros(model.n), t, command)
-    with monkeypatch.context() as patched:
-        patched.setattr(closed_loop, "LONGEST_STEP", 5e-4)
-        (found,) = closed_loop.simulate(model, parameters, [still])
+    (found,) = simulate(replace(model, longest_step=5e-4), parameters, [still])
     return replace(still, q=read(found.q)).part(25, samples)
 
 

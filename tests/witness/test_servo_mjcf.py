@@ -18,10 +18,10 @@ SAME = 5e-4
 """RMS difference of the positions [rad]: MuJoCo's steps of 1 ms are of first order."""
 
 
-def test_closed_loop_of_the_written_file(monkeypatch):
+def test_closed_loop_of_the_written_file():
     model, rng = servo_model(small_arm()), np.random.default_rng(3)
     parameters = replace(any_parameters(model, rng), limit=np.array([2.0, np.inf, 1.5]))
-    run = recorded(model, parameters, rng, 10.0, monkeypatch)
+    run = recorded(model, parameters, rng, 10.0)
     (ours,) = simulate(model, parameters, [run])
     written = mujoco.MjModel.from_xml_string(servo_mjcf(model, parameters).decode())
     data = mujoco.MjData(written)

@@ -90,7 +90,8 @@ def sensitivities(
         middle, a = at + 0.5 * h * v, (y - v) / h
         M, by_q, by_dq = _derivatives(tree, inertial, middle, v, a)
         laws = law_torques(servos.laws, servos.values, servos.steep, middle, v, y)
-        inside = np.abs(_servo_torque(servos, command[s], torque[s], at, v, y)) < servos.limit
+        raw = _servo_torque(servos, command[s], torque[s], at, v, y)
+        inside = np.abs(raw) < servos.limit
         spring = np.diag(np.where(inside, servos.stiffness, 0.0))
         damping = np.diag(np.where(inside, servos.damping, 0.0))
         mass = (M + np.diag(servos.armature)) / h
@@ -99,7 +100,8 @@ def sensitivities(
         G_v = 0.5 * h * (by_q + laws.by_q) + by_dq + laws.by_v - mass + 0.5 * damping + 0.25 * h * spring
         rhs = -G_q @ S_q - G_v @ S_dq - _sources(tree, servos, parameters, middle, v, a, laws.each)
         error = command[s] - at - 0.25 * h * (v + y)
-        for number, joint_source in zip(parameters.joint, (-a, inside * error, -0.5 * inside * (v + y)), strict=True):
+        by_joint = (-a, inside * error, -0.5 * inside * (v + y), np.where(inside, 0.0, np.sign(raw)))
+        for number, joint_source in zip(parameters.joint, by_joint, strict=True):
             for j in np.flatnonzero(number >= 0):
                 rhs[j, number[j]] += joint_source[j]
         for e, (j, p) in enumerate(zip(parameters.input_joint, parameters.input_parameter, strict=True)):

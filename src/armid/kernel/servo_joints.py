@@ -105,7 +105,8 @@ class RollOutParameters:
         count: Number of parameters.
         links: Layout of the regressor columns of the inertial parameters among them (`make_layout`).
         law: Number of the parameter of each law, -1 if it is not among them, shape (l,).
-        joint: Numbers of rotor inertia, stiffness and damping of each joint, -1 if not among them, shape (3, n).
+        joint: Numbers of rotor inertia, stiffness, damping and largest torque of each joint, -1 if not among them,
+            shape (4, n).
         input_joint: Joint of each input, shape (e,). An input is a torque of a servo for a unit of a parameter.
         input_parameter: Number of the parameter of each input, shape (e,).
     """

@@ -15,10 +15,6 @@ from armid.servo.held_command import held_means
 from armid.servo.parameters import ServoModel, ServoParameters
 from armid.servo.servo_run import ServoRun
 
-LONGEST_STEP = 2e-3
-"""Longest step of the integration [s]. Steps of half this length change the motion of the hobby arm SO-101 by less
-than 0.1 mrad."""
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SimulatedRun:
@@ -40,7 +36,7 @@ class SimulatedRun:
 def columns_of(model: ServoModel) -> dict[str, slice]:
     """Columns of the derivatives, by the field of `ServoParameters` whose values they belong to."""
     sizes = {"inertial": 10 * model.n, "friction": len(model.laws)}
-    sizes |= dict.fromkeys(("rotor_inertia", "stiffness", "damping", "offset", "delay"), model.n)
+    sizes |= dict.fromkeys(("rotor_inertia", "stiffness", "damping", "limit", "offset", "delay"), model.n)
     ends = np.cumsum(list(sizes.values()))
     return {name: slice(int(end) - size, int(end)) for (name, size), end in zip(sizes.items(), ends, strict=True)}
 
@@ -60,7 +56,7 @@ def simulate(
     """
     found: dict[int, SimulatedRun] = {}
     for each in _side_by_side(runs):
-        substeps = max(1, int(np.ceil(runs[each[0]].step / LONGEST_STEP - 1e-9)))
+        substeps = max(1, int(np.ceil(runs[each[0]].step / model.longest_step - 1e-9)))
         step = runs[each[0]].step / substeps
         held = [
             held_means(run.command_time, run.command, parameters.delay, run.start, step, (run.samples - 1) * substeps)
@@ -115,7 +111,7 @@ def _jacobian(
         columns["delay"].stop,
         layout,
         numbers("friction"),
-        np.stack([numbers("rotor_inertia"), numbers("stiffness"), numbers("damping")]),
+        np.stack([numbers("rotor_inertia"), numbers("stiffness"), numbers("damping"), numbers("limit")]),
         np.tile(np.arange(n), 2),
         np.concatenate([numbers("offset"), numbers("delay")]),
     )

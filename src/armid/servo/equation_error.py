@@ -6,7 +6,9 @@ linear,
     c - q = g / K + (J / K) q̈ + ((d + D) / K) q̇ + (F / K) sgn q̇ + b,
 
 with the torque g of the links of the description, rotor inertia J, viscous and dry friction d and F, and offset b. So
-K is found where the links load the joint in different ways, and all else in proportion to K.
+K is found where the links load the joint in different ways, and all else in proportion to K. A servo at its largest
+torque gives K times a constant s, whatever the position error is, so c - q is limited to ± s in such a joint. The s
+with which the equation holds best is taken.
 """
 
 from __future__ import annotations
@@ -40,6 +42,12 @@ SIGNIFICANT = 4.0
 """Number of standard deviations from which a load torque counts as seen. The deviations take the samples within a
 period of the cut-off as one."""
 
+QUANTILES = (0.99, 0.97, 0.94, 0.9, 0.8, 0.7, 0.5, 0.35)
+"""Quantiles of the size of the position error of a joint that are tried as the error at its largest torque."""
+
+SATURATED = 0.5
+"""Share of the relative misfit without saturation below which that with saturation is taken."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class EquationErrorFit:
@@ -52,6 +60,8 @@ class EquationErrorFit:
         viscous: (d + D) / K, shape (n,) [s].
         dry: F / K, shape (n,) [rad or m].
         offset: b, shape (n,) [rad or m].
+        saturation: Position error at the largest torque, infinite where none shows, shape (n,) [rad or m].
+        largest: Largest position error without the offset, shape (n,) [rad or m].
     """
 
     compliance: Array
@@ -60,6 +70,8 @@ class EquationErrorFit:
     viscous: Array
     dry: Array
     offset: Array
+    saturation: Array
+    largest: Array
 
     @property
     def loaded(self) -> NDArray[np.bool_]:
@@ -67,8 +79,23 @@ class EquationErrorFit:
         return self.compliance > SIGNIFICANT * self.deviation
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class _JointFit:
+    """Coefficients (5,) of a joint, deviation of the first one, and misfit relative to the position error."""
+
+    coefficients: Array
+    deviation: float
+    misfit: float
+
+
 def fit_equation_error(
-    tree: Tree, inertial: Array, runs: Sequence[ServoRun], known: Array | None = None, delay: float = 0.0
+    tree: Tree,
+    inertial: Array,
+    runs: Sequence[ServoRun],
+    known: Array | None = None,
+    delay: float = 0.0,
+    *,
+    saturated: bool = False,
 ) -> EquationErrorFit:
     """Fits each joint by least squares with coefficients that cannot be negative.
 
@@ -78,52 +105,82 @@ def fit_equation_error(
         runs: Training runs.
         known: Stiffness of the joints for which it is known, NaN for the others, shape (n,).
         delay: Expected delay of the commands [s].
+        saturated: True if position errors at the largest torque are looked for.
     """
-    parts = [_columns(tree, inertial, run, delay) for run in runs]
-    n = tree.n
-    found = np.zeros((5, n))
-    deviation = np.zeros(n)
-    for j in range(n):
-        columns = np.concatenate([x[:, j] for x, _, _ in parts])
-        e = np.concatenate([error[:, j] for _, error, _ in parts])
-        rows = sum(independent for _, _, independent in parts)
-        fixed = known is not None and np.isfinite(known[j])
-        if fixed and known is not None:
-            e = e - columns[:, 0] / known[j]
-            columns = columns.copy()
-            columns[:, 0] = 0.0
-        scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-        unit = columns / scale
-        both = np.column_stack([unit, -unit[:, 4]])  # an offset has either sign
-        solution, _ = nnls(both, e)
-        coefficients = solution[:5] / scale
-        coefficients[4] -= solution[5] / scale[4]
-        residual = e - columns @ coefficients
-        information = unit.T @ unit + 1e-9 * np.eye(5)
-        variance = float(residual @ residual) / max(rows - 5.0, 1.0)
-        deviation[j] = np.sqrt(variance * np.linalg.inv(information)[0, 0]) / scale[0]
-        found[:, j] = coefficients
-        if fixed and known is not None:
-            found[0, j], deviation[j] = 1.0 / known[j], 0.0
-    return EquationErrorFit(found[0], deviation, *found[1:])
+    filters = [_LowPass(run) for run in runs]
+    columns = [_columns(tree, inertial, run, low_pass) for run, low_pass in zip(runs, filters, strict=True)]
+    errors = [run.held(run.time - delay) - run.q for run in runs]
+    rows = sum(low_pass.independent for low_pass in filters)
+    fits, saturation = [], np.full(tree.n, np.inf)
+    for j in range(tree.n):
+        own = np.concatenate([x[:, j] for x in columns])
+        compliance = 1.0 / known[j] if known is not None and np.isfinite(known[j]) else None
+
+        def fit(limit: float, j: int = j, own: Array = own, compliance: float | None = compliance) -> _JointFit:
+            limited = [low_pass(np.clip(e[:, j], -limit, limit)) for e, low_pass in zip(errors, filters, strict=True)]
+            return _fit_joint(own, np.concatenate(limited), rows, compliance)
+
+        found = fit(np.inf)
+        for limit in np.quantile(np.abs(np.concatenate([e[:, j] for e in errors])), QUANTILES if saturated else ()):
+            other = fit(limit)
+            better = SATURATED * found.misfit if np.isinf(saturation[j]) else found.misfit
+            if other.misfit < better:
+                found, saturation[j] = other, limit
+        fits.append(found)
+    coefficients = np.array([each.coefficients for each in fits]).T
+    largest = np.max([np.abs(e - coefficients[4]).max(axis=0) for e in errors], axis=0)
+    deviation = np.array([each.deviation for each in fits])
+    return EquationErrorFit(coefficients[0], deviation, *coefficients[1:], saturation, largest)
 
 
-def _columns(tree: Tree, inertial: Array, run: ServoRun, delay: float) -> tuple[Array, Array, float]:
-    """Columns (N, n, 5) and position errors (N, n) of a run, filtered alike, and its number of independent rows."""
-    rate = 1.0 / run.step
-    cutoff = min(CUTOFF, NYQUIST_SHARE * rate / 2.0)
-    sections = butter(2, cutoff, fs=rate, output="sos")
+def _fit_joint(columns: Array, error: Array, rows: float, compliance: float | None) -> _JointFit:
+    """Fit of a joint with columns (N, 5) and position errors (N,), of which `rows` are independent."""
+    if compliance is not None:
+        error = error - columns[:, 0] * compliance
+        columns = columns.copy()
+        columns[:, 0] = 0.0
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    unit = columns / scale
+    both = np.column_stack([unit, -unit[:, 4]])  # an offset has either sign
+    solution, _ = nnls(both, error)
+    coefficients = solution[:5] / scale
+    coefficients[4] -= solution[5] / scale[4]
+    residual = error - columns @ coefficients
+    information = unit.T @ unit + 1e-9 * np.eye(5)
+    square = float(residual @ residual)
+    deviation = float(np.sqrt(square / max(rows - 5.0, 1.0) * np.linalg.inv(information)[0, 0]) / scale[0])
+    if compliance is not None:
+        coefficients[0], deviation = compliance, 0.0
+    misfit = square / max(float(error @ error), 1e-300)
+    return _JointFit(coefficients, deviation, misfit)
 
-    def low_pass(x: Array) -> Array:
-        return sosfiltfilt(sections, x, axis=0, padlen=min(len(x) - 1, round(3.0 * rate / cutoff)))
 
-    q = low_pass(run.q)
+class _LowPass:
+    """Zero-phase low-pass filter of a run, without the ends that it does not know."""
+
+    def __init__(self, run: ServoRun) -> None:
+        rate = 1.0 / run.step
+        cutoff = min(CUTOFF, NYQUIST_SHARE * rate / 2.0)
+        trim = min(round(TRIM * rate), run.samples // 4)
+        self._sections = butter(2, cutoff, fs=rate, output="sos")
+        self._pad = min(run.samples - 1, round(3.0 * rate / cutoff))
+        self.kept = slice(trim, run.samples - trim)
+        self.independent: float = (run.samples - 2 * trim) * 2.0 * cutoff / rate
+
+    def whole(self, x: Array) -> Array:
+        """Filtered columns of x (N, …), with their ends."""
+        return np.asarray(sosfiltfilt(self._sections, x, axis=0, padlen=self._pad), dtype=np.float64)
+
+    def __call__(self, x: Array) -> Array:
+        """Filtered columns of x (N, …) without their ends."""
+        return self.whole(x)[self.kept]
+
+
+def _columns(tree: Tree, inertial: Array, run: ServoRun, low_pass: _LowPass) -> Array:
+    """Columns (N, n, 5) of a run, filtered like the position errors, without the ends."""
+    q = low_pass.whole(run.q)
     dq = np.gradient(q, run.step, axis=0)
     ddq = np.gradient(dq, run.step, axis=0)
     load = kernel.inverse_dynamics(tree, inertial, q, dq, ddq)
-    dry = low_pass(np.tanh(dq / WIDTH))
-    error = low_pass(run.held(run.time - delay)) - q
-    columns = np.stack([load, ddq, dq, dry, np.ones_like(q)], axis=2)
-    trim = min(round(TRIM * rate), len(q) // 4)
-    kept = slice(trim, len(q) - trim)
-    return columns[kept], error[kept], (len(q) - 2 * trim) * 2.0 * cutoff / rate
+    dry = low_pass.whole(np.tanh(dq / WIDTH))
+    return np.stack([load, ddq, dq, dry, np.ones_like(q)], axis=2)[low_pass.kept]

@@ -64,14 +64,14 @@ def estimated_values(estimate: ServoEstimate, runs: list[ServoRun]) -> list[Esti
     load = _load_ranges(estimate, runs)
     sliding = [joint.is_prismatic for joint in estimate.model.robot.joints]
     found: list[EstimatedValue] = []
-    fields = ("stiffness", "damping", "rotor_inertia", "friction", "offset", "delay")
+    fields = ("stiffness", "damping", "limit", "rotor_inertia", "friction", "offset", "delay")
     for field in fields:
         values: Array = getattr(estimate.parameters, field)
         for k, value in enumerate(values):
             law = estimate.model.laws[k] if field == "friction" else None
             joint, kind = (k, field) if law is None else (law.joint, law.symbol)
             if (field, k) not in names:
-                if value != 0.0:
+                if value != 0.0 and np.isfinite(value):
                     found.append(EstimatedValue(kind, joint, value, value, value, np.nan, "given"))
                 continue
             at = names.index((field, k))
@@ -105,6 +105,8 @@ def _reason(field: str, load: float, sliding: bool) -> str:
     """Reason for which recordings do not show a parameter of a joint whose gravity torque changes by `load`."""
     if field == "offset":
         return "an offset and a constant load have the same effect"
+    if field == "limit":
+        return "the servo hardly reached its largest torque"
     if field == "delay":
         return "the motion is too slow or too small to show a delay"
     unit = "N" if sliding else "N·m"

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armid import kernel
 from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.robot.robot import Robot
@@ -16,45 +15,24 @@ from armid.servo.options import ServoOptions
 from armid.servo.output_error import MOST_STEPS, TRANSIENT, OutputErrorFit, minimise_output_error
 from armid.servo.parameters import ServoModel, ServoParameters
 from armid.servo.score import ClosedLoopError, closed_loop_error
-from armid.servo.servo_run import ServoRun
-from armid.servo.unknowns import PriorDeviations, Unknowns
+from armid.servo.servo_prior import make_unknowns
+from armid.servo.servo_run import FEWEST, ServoRun
+from armid.servo.unknowns import Unknowns
 from armid.threads import one_blas_thread
-
-FRICTION = 1.5
-"""Prior deviation of the logarithm of friction and rotor inertia: a factor of 4.5, since descriptions often state
-values that were never measured."""
-
-STIFFNESS = 1.0
-"""Prior deviation of the logarithm of a stiffness that the description states: models in use of the same arm differ
-by a factor of two and more."""
-
-UNKNOWN_STIFFNESS = 2.0
-"""Prior deviation of the logarithm of a stiffness of which nothing is known but its order of magnitude."""
-
-OFFSET = 0.05
-"""Prior deviation of an offset of horn or encoder [rad or m]: hobby servos have teeth of 0.25 rad, of which a
-calibration leaves some percent."""
-
-DELAY = 0.02
-"""Prior deviation of a delay [s]."""
-
-SMALLEST = {"inertia": 1e-5, "viscous": 1e-3, "dry": 1e-4}
-"""Smallest values, relative to the stiffness, with which a search starts: J / K [s²], d / K [s] and F / K [rad or m].
-A logarithm cannot leave zero."""
-
-DIFFERENT = 5.0
-"""Factor between the stiffness of a description and the one that loads show from which the description is not used:
-simulators are often run with gains that have nothing to do with those of the arm."""
-
-LEAST_LOAD = 1e-4
-"""Torque or force at the usual position error below which the scale of a joint counts as unknown [N·m or N]."""
-
-USUAL_ERROR = 0.05
-"""Position error at which a servo without any other information is taken to give the largest torque that the links
-need [rad or m]."""
 
 FEW_STEPS = 8
 """Largest number of steps of the search without the left-out parts, whose result need not be exact."""
+
+WINDOW = 1.0
+"""Length of the windows of the first search for servos that reach their largest torque [s]. A saturated arm does not
+come back to its command by itself, so a long simulated motion has little to do with the measured one at first."""
+
+SHORTEST_STEP = 2.5e-4
+"""Shortest of the longest steps of the integration that are tried [s]."""
+
+SMALL_SHIFT = 0.3
+"""Shift of an unknown by the steps of the integration, in standard deviations, that is accepted: a bias of 0.3
+deviations lowers the coverage of a 95 % interval to 94 %."""
 
 LEFT_OUT = 0.3
 """Share at the end of each training run on which the first estimate and the refined one are compared."""
@@ -111,9 +89,8 @@ def identify_servo(
     shorter = [run.part(0, end) for run, end in zip(runs, cut, strict=True)]
     later = [run.part(end, run.samples) for run, end in zip(runs, cut, strict=True)]
     tell("left-out parts", 0.0)
-    _, start = _first_estimate(model, bodies, shorter, options)
-    partial = minimise_output_error(
-        start, shorter, most_steps=FEW_STEPS, progress=lambda share: tell("left-out parts", share)
+    saturated, start, partial = _without_the_end(
+        model, bodies, shorter, options, lambda share: tell("left-out parts", share)
     )
     left_out = (
         closed_loop_error(model, partial.parameters, later, after=TRANSIENT),
@@ -121,7 +98,7 @@ def identify_servo(
     )
     refined = not left_out[1].total < left_out[0].total and bool(np.isfinite(left_out[0].total))
     tell("output error", 0.0)
-    first, unknowns = _first_estimate(model, bodies, runs, options)
+    first, unknowns = _first_estimate(model, bodies, runs, options, saturated=saturated)
     fit = minimise_output_error(
         unknowns,
         runs,
@@ -129,6 +106,12 @@ def identify_servo(
         most_steps=MOST_STEPS if refined else 0,
         progress=lambda share: tell("output error", share),
     )
+    if refined and fit.integration > SMALL_SHIFT:
+        # The shift is in proportion to the step.
+        shorter_step = max(SHORTEST_STEP, model.longest_step * SMALL_SHIFT / fit.integration)
+        model = replace(model, longest_step=shorter_step)
+        unknowns = Unknowns(model, unknowns.mean, unknowns.deviations)
+        fit = minimise_output_error(unknowns, runs, start=fit.x, progress=lambda share: tell("shorter steps", share))
     training = closed_loop_error(model, fit.parameters, runs, after=TRANSIENT)
     return ServoEstimate(model, unknowns, first, fit, fit.parameters, refined, left_out, training)
 
@@ -159,93 +142,47 @@ def described_bodies(robot: Robot) -> Array:
 
 
 def _first_estimate(
-    model: ServoModel, bodies: Array, runs: Sequence[ServoRun], options: ServoOptions
+    model: ServoModel, bodies: Array, runs: Sequence[ServoRun], options: ServoOptions, *, saturated: bool
 ) -> tuple[EquationErrorFit, Unknowns]:
     """First estimate from the position error, and the unknowns whose prior mean it is."""
     exact = options.stiffness if options.stiffness_deviation == 0.0 else None
-    first = fit_equation_error(model.robot.tree, bodies, runs, exact, options.delay)
+    first = fit_equation_error(model.robot.tree, bodies, runs, exact, options.delay, saturated=saturated)
     return first, make_unknowns(model, first, bodies, runs, options)
+
+
+def _without_the_end(
+    model: ServoModel,
+    bodies: Array,
+    runs: Sequence[ServoRun],
+    options: ServoOptions,
+    progress: Callable[[float], None],
+) -> tuple[bool, Unknowns, OutputErrorFit]:
+    """Estimate from shortened runs: true if servos are saturated in it, its unknowns, and the minimum of a few steps.
+
+    Stiction may look like saturation in the first estimate. So both are tried, and the smaller output error decides.
+    """
+    _, unknowns = _first_estimate(model, bodies, runs, options, saturated=False)
+    fit = minimise_output_error(unknowns, runs, most_steps=FEW_STEPS, progress=progress)
+    first, other = _first_estimate(model, bodies, runs, options, saturated=True)
+    if np.isinf(first.saturation).all():
+        return False, unknowns, fit
+    windows = _windows(runs)
+    near = minimise_output_error(other, windows, most_steps=FEW_STEPS, progress=progress).x if windows else None
+    other_fit = minimise_output_error(other, runs, start=near, most_steps=FEW_STEPS, progress=progress)
+    if np.sum(np.log(other_fit.rms)) < np.sum(np.log(fit.rms)):
+        return True, other, other_fit
+    return False, unknowns, fit
+
+
+def _windows(runs: Sequence[ServoRun]) -> list[ServoRun]:
+    """Windows of the runs, each of which begins with measured positions."""
+    found: list[ServoRun] = []
+    for run in runs:
+        rows = max(round(WINDOW / run.step), FEWEST)
+        found += [run.part(k, k + rows) for k in range(0, run.samples - rows + 1, rows)]
+    return found
 
 
 def _silent(stage: str, share: float) -> None:
     """Progress that nobody is told."""
     del stage, share
-
-
-def make_unknowns(
-    model: ServoModel, first: EquationErrorFit, bodies: Array, runs: Sequence[ServoRun], options: ServoOptions
-) -> Unknowns:
-    """Unknowns whose prior mean is the first estimate, with the stiffness of options, description or loads.
-
-    A described stiffness that differs from that of the loads by more than a factor of `DIFFERENT` is not used. Where
-    nothing shows the stiffness of a joint, it is the median of the other joints of the same kind, or one with which
-    the largest torque that the links need makes an error of `USUAL_ERROR`.
-
-    Raises:
-        EstimationError: Nothing shows the scale of torques.
-    """
-    n = model.n
-    stiffness, deviation = _stiffness(model, first, options)
-    need = _needed_torque(model, bodies, runs)
-    sliding = np.array([joint.is_prismatic for joint in model.robot.joints])
-    for kind in (sliding, ~sliding):
-        known = kind & np.isfinite(stiffness)
-        usual = (
-            float(np.median(stiffness[known])) if known.any() else float(need[kind].max(initial=0.0)) / USUAL_ERROR
-        )
-        stiffness = np.where(kind & ~known, usual, stiffness)
-    if (stiffness * USUAL_ERROR < LEAST_LOAD).any():
-        limp = ", ".join(model.robot.joint_names[j] for j in np.flatnonzero(stiffness * USUAL_ERROR < LEAST_LOAD))
-        raise EstimationError(
-            f"Nothing shows the scale of torques of {limp}: no stiffness is stated, and no load turns or moves the "
-            "joints.",
-            remedy="state the stiffness of the servos: --stiffness, or the table [servo] of a study.",
-        )
-    damping = np.zeros(n) if options.damping is None else np.asarray(options.damping, dtype=np.float64)
-    friction = np.empty(len(model.laws))
-    for k, law in enumerate(model.laws):
-        j = law.joint
-        viscous = max(first.viscous[j] - damping[j] / stiffness[j], SMALLEST["viscous"])
-        value = viscous if law.symbol == "FV" else max(first.dry[j], SMALLEST["dry"])
-        friction[k] = stiffness[j] * (value if law.symbol in ("FV", "FS") else SMALLEST["dry"])
-    limit = np.array([joint.effort_limit for joint in model.robot.joints]) if options.limit is None else options.limit
-    mean = ServoParameters(
-        bodies,
-        stiffness * np.maximum(first.inertia, SMALLEST["inertia"]),
-        friction,
-        stiffness,
-        damping,
-        np.asarray(limit, dtype=np.float64),
-        np.clip(first.offset, -OFFSET, OFFSET),
-        np.full(n, options.delay),
-    )
-    deviations = PriorDeviations(
-        np.full(len(model.laws), FRICTION),
-        np.full(n, FRICTION),
-        deviation,
-        np.zeros(n),
-        np.full(n, OFFSET),
-        np.full(n, DELAY),
-        options.bodies,
-    )
-    return Unknowns(model, mean, deviations)
-
-
-def _stiffness(model: ServoModel, first: EquationErrorFit, options: ServoOptions) -> tuple[Array, Array]:
-    """Stiffness of each joint, NaN where nothing is known, and the deviation of its logarithm, shape (n,) each."""
-    n = model.n
-    if options.stiffness is not None:
-        return np.asarray(options.stiffness, dtype=np.float64), np.full(n, options.stiffness_deviation)
-    servos = [joint.drive.servo for joint in model.robot.joints]
-    described = np.array([np.nan if servo is None else servo.stiffness for servo in servos])
-    loaded = np.where(first.loaded, 1.0 / np.maximum(first.compliance, 1e-9), np.nan)
-    with np.errstate(invalid="ignore"):
-        differs = np.abs(np.log(described / loaded)) > np.log(DIFFERENT)
-    use = np.isfinite(described) & ~differs
-    return np.where(use, described, loaded), np.where(use, STIFFNESS, UNKNOWN_STIFFNESS)
-
-
-def _needed_torque(model: ServoModel, bodies: Array, runs: Sequence[ServoRun]) -> Array:
-    """Largest gravity torque of the described links in the runs, shape (n,) [N·m or N]."""
-    each = [np.abs(kernel.gravity_torque(model.robot.tree, bodies, run.q)).max(axis=0) for run in runs]
-    return np.max(each, axis=0)

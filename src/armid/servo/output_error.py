@@ -8,7 +8,7 @@ in samples: N correlated samples say as much as N / T independent ones. Without 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,16 +19,16 @@ from armid.servo.parameters import ServoParameters
 from armid.servo.servo_run import ServoRun
 from armid.servo.unknowns import Unknowns
 
-MOST_STEPS = 20
+MOST_STEPS = 40
 """Largest number of Gauss-Newton steps."""
 
 SETTLED = 0.02
 """Decrease of the objective below which the search ends: a step of one standard deviation changes it by 1."""
 
-DAMPING = (1e-2, 1e8)
+DAMPING = (1e-4, 1e8)
 """First damping, relative to the diagonal of the information, and the damping at which the search gives up."""
 
-FEWER, MORE = 0.2, 5.0
+FEWER, MORE = 0.02, 5.0
 """Factors of the damping after a step that succeeded, and after one that failed."""
 
 TRANSIENT = 1.0
@@ -44,7 +44,7 @@ for their derivatives grows with their number."""
 PIECE = 2000
 """Number of rows whose derivatives are converted at once."""
 
-LEAST_DAMPING = 1e-9
+LEAST_DAMPING = 1e-11
 """Smallest damping, relative to the diagonal of the information."""
 
 NOISE = 1e-5
@@ -52,6 +52,10 @@ NOISE = 1e-5
 
 FARTHEST = 2.0
 """Largest change of an unknown in one step, in prior deviations."""
+
+REFERENCE = 0.25
+"""Length of the steps of a reference motion, relative to the steps of the integration. The error of the motion is of
+first order in the step, because dry friction changes its sign at the end of a step."""
 
 Progress = Callable[[float], None]
 
@@ -70,6 +74,7 @@ class OutputErrorFit:
         steps: Number of steps.
         settled: True if the search ended by itself.
         unsettled: Number of integration steps that did not converge at the minimum.
+        integration: Largest shift of an unknown by the finite steps of the integration, in its standard deviations.
     """
 
     x: Array
@@ -81,6 +86,7 @@ class OutputErrorFit:
     steps: int
     settled: bool
     unsettled: int
+    integration: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -116,7 +122,8 @@ def minimise_output_error(
     weight, rms, correlation = _weights(point.residuals)
     damping, settled, step = DAMPING[0], most_steps == 0, 0
     for step in range(1, most_steps + 1):
-        information, slope = _normal_equations(unknowns, point, weight, runs)
+        information, slope = _normal_equations(unknowns, point.x, point.residuals, weight, runs)
+        slope -= point.x * unknowns.deviation**-2
         cost, found = _cost(unknowns, point, weight), None
         while found is None and damping < DAMPING[1]:
             change = np.linalg.solve(information + damping * np.diag(np.diag(information)), slope)
@@ -135,8 +142,10 @@ def minimise_output_error(
             progress(step / most_steps)
         if settled:
             break
-    information, _ = _normal_equations(unknowns, point, weight, runs)
+    errors = _integration_errors(unknowns, point, runs)
+    information, slope = _normal_equations(unknowns, point.x, errors, weight, runs)
     covariance = np.linalg.inv(information)
+    shift = np.abs(covariance @ slope) / np.sqrt(np.diag(covariance))
     return OutputErrorFit(
         point.x,
         unknowns.parameters(point.x),
@@ -147,6 +156,7 @@ def minimise_output_error(
         step,
         settled,
         point.unsettled,
+        float(shift.max(initial=0.0)),
     )
 
 
@@ -174,6 +184,18 @@ def _evaluate(unknowns: Unknowns, x: Array, runs: Sequence[ServoRun]) -> _Point:
     return _Point(x, residuals, sum(each.unsettled for each in found))
 
 
+def _integration_errors(unknowns: Unknowns, point: _Point, runs: Sequence[ServoRun]) -> list[Array]:
+    """Differences of the simulated motion from that with much shorter steps, at the rows of the residuals."""
+    model = unknowns.model
+    fine = replace(model, longest_step=REFERENCE * model.longest_step)
+    found = simulate(fine, unknowns.parameters(point.x), runs)
+    # measured - simulated minus measured - reference
+    return [
+        residual - (run.q[1:] - reference.q[1:])[_rows(run)]
+        for run, residual, reference in zip(runs, point.residuals, found, strict=True)
+    ]
+
+
 def _cost(unknowns: Unknowns, point: _Point, weight: Array) -> float:
     """Objective at a point; infinite where the motion diverges."""
     with np.errstate(all="ignore"):
@@ -182,23 +204,23 @@ def _cost(unknowns: Unknowns, point: _Point, weight: Array) -> float:
 
 
 def _normal_equations(
-    unknowns: Unknowns, point: _Point, weight: Array, runs: Sequence[ServoRun]
+    unknowns: Unknowns, x: Array, residuals: Sequence[Array], weight: Array, runs: Sequence[ServoRun]
 ) -> tuple[Array, Array]:
-    """Information (count, count) of data and prior, and half the downward gradient of the objective.
+    """Information (count, count) of data and prior at x, and half the downward gradient of the misfit of residuals.
 
     Runs are differentiated one after another, and their derivatives are not kept.
     """
     information = np.diag(unknowns.deviation**-2)
-    slope = -point.x * unknowns.deviation**-2
-    parameters, root = unknowns.parameters(point.x), np.sqrt(weight)
-    for run, residual in zip(runs, point.residuals, strict=True):
+    slope = np.zeros(unknowns.count)
+    parameters, root = unknowns.parameters(x), np.sqrt(weight)
+    for run, residual in zip(runs, residuals, strict=True):
         (simulated,) = simulate(unknowns.model, parameters, [run], derivatives=True)
         if simulated.jacobian is None:
             continue  # rounding differs between runs alone and side by side, so a motion may diverge in one only
         jacobian = simulated.jacobian[_rows(run)]
         for begin in range(0, len(jacobian), PIECE):
             part = slice(begin, begin + PIECE)
-            scaled = (unknowns.chained(jacobian[part], point.x) * root[:, None]).reshape(-1, unknowns.count)
+            scaled = (unknowns.chained(jacobian[part], x) * root[:, None]).reshape(-1, unknowns.count)
             information += scaled.T @ scaled
             slope += scaled.T @ (residual[part] * root).ravel()
     return information, slope

@@ -25,8 +25,11 @@ STEP_DIGITS = 6
 """Significant digits of the step of a grid, so that recordings of one controller have equal steps."""
 
 VELOCITY_SAMPLES = 5
-"""Number of samples to which a line is fitted for the initial velocity. Two samples with an encoder of 12 bit would
-give errors of 0.1 rad/s."""
+"""Smallest number of samples to which a line is fitted for the initial velocity. Two samples with an encoder of 12
+bit would give errors of 0.1 rad/s."""
+
+VELOCITY_TIME = 0.03
+"""Shortest time over which this line is fitted [s]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -79,7 +82,7 @@ class ServoRun:
 
 def _first_velocity(q: Array, step: float) -> Array:
     """Slope of the first samples, shape (n,)."""
-    first = q[:VELOCITY_SAMPLES]
+    first = q[: max(VELOCITY_SAMPLES, round(VELOCITY_TIME / step))]
     t = step * (np.arange(len(first)) - 0.5 * (len(first) - 1))
     return np.asarray(t @ first / max(float(t @ t), 1e-300), dtype=np.float64)
 

@@ -15,7 +15,7 @@ from armid.servo.parameters import ServoModel, ServoParameters
 LOWER = tuple((i, j) for i in range(4) for j in range(i + 1))
 """Row and column of the ten entries of a lower triangular matrix."""
 
-LOGARITHMIC = ("friction", "rotor_inertia", "stiffness", "damping")
+LOGARITHMIC = ("friction", "rotor_inertia", "stiffness", "damping", "limit")
 """Fields of `ServoParameters` that are positive; their coordinates are logarithms of the ratio to the prior mean."""
 
 ADDITIVE = ("offset", "delay")
@@ -31,6 +31,7 @@ class PriorDeviations:
         rotor_inertia: Of the logarithm of each rotor inertia, shape (n,).
         stiffness: Of the logarithm of each stiffness, shape (n,).
         damping: Of the logarithm of each damping of a servo, shape (n,).
+        limit: Of the logarithm of each largest torque, shape (n,).
         offset: Of each offset, shape (n,) [rad or m].
         delay: Of each delay, shape (n,) [s].
         bodies: Of the relative changes of the links. A link with the pseudo-inertia J = L Lᵀ has the factor L E with
@@ -41,6 +42,7 @@ class PriorDeviations:
     rotor_inertia: Array
     stiffness: Array
     damping: Array
+    limit: Array
     offset: Array
     delay: Array
     bodies: float
@@ -56,10 +58,10 @@ class Unknowns:
         columns, fields = columns_of(model), (*LOGARITHMIC, *ADDITIVE)
         self._sizes = {name: columns[name].stop - columns[name].start for name in fields}
         given = np.concatenate([getattr(deviations, name) for name in fields])
-        # A logarithm cannot leave zero, so what is zero in the mean stays so.
+        # A logarithm leaves neither zero nor infinity, so what is zero or unlimited in the mean stays so.
         moves = np.concatenate(
             [
-                getattr(mean, name) > 0.0 if name in LOGARITHMIC else np.ones(self._sizes[name], bool)
+                _moves(getattr(mean, name)) if name in LOGARITHMIC else np.ones(self._sizes[name], bool)
                 for name in fields
             ]
         )
@@ -91,7 +93,7 @@ class Unknowns:
         parts: list[Array] = []
         for name, size in self._sizes.items():
             own, mean = getattr(parameters, name), getattr(self.mean, name)
-            ratio = np.divide(own, mean, out=np.ones(size), where=(own > 0.0) & (mean > 0.0))
+            ratio = np.divide(own, mean, out=np.ones(size), where=(own > 0.0) & _moves(mean) & np.isfinite(own))
             parts.append(np.log(ratio) if name in LOGARITHMIC else own - mean)
         return np.concatenate([*parts, np.zeros(10 * self.model.n)])[self.free]
 
@@ -100,7 +102,10 @@ class Unknowns:
         parts, bodies = self._split(x)
         columns = columns_of(self.model)
         found = [
-            jacobian[:, :, columns[name]] * (getattr(self.mean, name) * np.exp(parts[name])) for name in LOGARITHMIC
+            jacobian[:, :, columns[name]]
+            * np.where(_moves(mean := getattr(self.mean, name)), mean, 0.0)
+            * np.exp(parts[name])
+            for name in LOGARITHMIC
         ]
         found += [jacobian[:, :, columns[name]] for name in ADDITIVE]
         if self.deviations.bodies > 0.0:
@@ -144,3 +149,8 @@ class Unknowns:
             half = self._factors @ change @ np.swapaxes(factors, 1, 2)
             slopes[:, :, k] = vector_from_pseudo_inertia(half + np.swapaxes(half, 1, 2))
         return slopes
+
+
+def _moves(value: Array) -> NDArray[np.bool_]:
+    """Mask of the values that a factor changes: all but zero and infinity."""
+    return (value > 0.0) & np.isfinite(value)

@@ -9,7 +9,8 @@ import pytest
 
 from armid.errors import EstimationError
 from armid.robot.robot import InertialParameters
-from armid.servo import identify_servo as module
+from armid.servo import identify_servo as steps
+from armid.servo import servo_prior as module
 from armid.servo.closed_loop import simulate
 from armid.servo.equation_error import EquationErrorFit
 from armid.servo.estimate_table import NARROW, estimated_values
@@ -32,12 +33,11 @@ share below 0.85 has a probability of 2e-4, were the values independent."""
 def identified():
     """Truth, estimate, training and held-out run of four arms."""
     found, model = [], servo_model(small_arm())
-    with pytest.MonkeyPatch.context() as patched:
-        for seed in range(ARMS):
-            rng = np.random.default_rng(seed)
-            truth = any_parameters(model, rng)
-            train, held_out = (recorded(model, truth, rng, 20.0, patched) for _ in range(2))
-            found.append((truth, identify_servo(model, [train]), train, held_out))
+    for seed in range(ARMS):
+        rng = np.random.default_rng(seed)
+        truth = any_parameters(model, rng)
+        train, held_out = (recorded(model, truth, rng, 20.0) for _ in range(2))
+        found.append((truth, identify_servo(model, [train]), train, held_out))
     return found
 
 
@@ -107,7 +107,7 @@ def test_joints_without_load_need_a_stiffness(identified):
     """Nothing shows the scale of torques without gravity and without a load in the first estimate."""
     _, estimate, train, _ = identified[0]
     model, none = servo_model(replace(small_arm(), gravity=(0.0, 0.0, 0.0))), np.zeros(3)
-    first = EquationErrorFit(none, np.ones(3), none, none, none, none)
+    first = EquationErrorFit(none, np.ones(3), none, none, none, none, np.full(3, np.inf), none)
     with pytest.raises(EstimationError, match="no stiffness is stated"):
         module.make_unknowns(model, first, model.robot.inertial_vector, [train], ServoOptions())
     known = module.make_unknowns(
@@ -132,15 +132,15 @@ def test_a_motion_that_diverges_is_an_error(identified):
 def test_the_first_estimate_is_kept_where_it_predicts_better(identified, monkeypatch):
     """Its intervals are then those at the first estimate."""
     _, estimate, train, _ = identified[0]
-    real = module.minimise_output_error
+    real = steps.minimise_output_error
 
     def worse(unknowns, runs, *, start=None, most_steps=20, progress=None):
-        if most_steps == module.FEW_STEPS:
+        if most_steps == steps.FEW_STEPS:
             away = 1.5 * np.array([name == "stiffness" for name, _ in unknowns.names()])
             return real(unknowns, runs, start=away, most_steps=0)
         return real(unknowns, runs, start=start, most_steps=most_steps, progress=progress)
 
-    monkeypatch.setattr(module, "minimise_output_error", worse)
+    monkeypatch.setattr(steps, "minimise_output_error", worse)
     kept = identify_servo(estimate.model, [train])
     assert not kept.refined
     assert not kept.fit.x.any()
