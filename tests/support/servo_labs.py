@@ -67,8 +67,10 @@ def any_parameters(model: ServoModel, rng: np.random.Generator) -> ServoParamete
     )
 
 
-def recorded(model: ServoModel, parameters: ServoParameters, rng: np.random.Generator, seconds: float) -> ServoRun:
-    """Run of a motion of five frequencies, integrated with steps of 0.5 ms and read by encoders of 12 bit."""
+def recorded(
+    model: ServoModel, parameters: ServoParameters, rng: np.random.Generator, seconds: float, *, bits: int = BITS
+) -> ServoRun:
+    """Run of a motion of five frequencies, integrated with steps of 0.5 ms and read by encoders."""
     samples = round(seconds * RATE)
     t = np.arange(samples) / RATE
     command = rng.uniform(-0.4, 0.4, (1, model.n)) + np.zeros((samples, model.n))
@@ -79,10 +81,10 @@ def recorded(model: ServoModel, parameters: ServoParameters, rng: np.random.Gene
         )
     still = ServoRun(1.0 / RATE, 0.0, np.repeat(command[:1], samples, axis=0), np.zeros(model.n), t, command)
     (found,) = simulate(replace(model, longest_step=5e-4), parameters, [still])
-    return replace(still, q=read(found.q)).part(25, samples)
+    return replace(still, q=read(found.q, bits)).part(25, samples)
 
 
-def read(q: Array) -> Array:
+def read(q: Array, bits: int = BITS) -> Array:
     """Positions as the encoders read them."""
-    step = 2.0 * np.pi / 2**BITS
+    step = 2.0 * np.pi / 2**bits
     return np.round(q / step) * step

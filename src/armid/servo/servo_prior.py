@@ -153,7 +153,7 @@ def _limits(
         return np.asarray(options.limit, dtype=np.float64), np.zeros(model.n)
     described = np.array([joint.effort_limit for joint in model.robot.joints])
     shown, asked = stiffness * first.saturation, stiffness * first.largest
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore"):
         near = np.abs(np.log(shown / described)) < np.log(OTHER_LIMIT)
     found = np.isfinite(shown)
     exceeded = ~found & (asked > described)
