@@ -21,16 +21,28 @@ class SimulatedRun:
     """Simulated motion of one run.
 
     Attributes:
-        q: Positions at the samples of the run, shape (N, n) [rad or m].
-        jacobian: Derivatives of the positions at the samples after the first by the columns of `columns_of`, shape
-            (N - 1, n, columns); `None` if they were not asked for, or if the motion diverges.
+        states_q: Positions at the beginning and after each step, shape (S + 1, n) [rad or m].
+        states_dq: Velocities at the same times, shape (S + 1, n) [rad/s or m/s].
+        means: Mean command of each step, shape (S, n) [rad or m].
+        slopes: Derivatives of the means by the delays, shape (S, n) [rad/s or m/s].
+        step: Step of the integration [s].
+        substeps: Number of steps from one sample to the next.
         unsettled: Number of steps at which the iteration for the velocity did not converge; for runs that are
             simulated side by side, that of all of them, at the first one.
     """
 
-    q: Array
-    jacobian: Array | None
+    states_q: Array
+    states_dq: Array
+    means: Array
+    slopes: Array
+    step: float
+    substeps: int
     unsettled: int
+
+    @property
+    def q(self) -> Array:
+        """Positions at the samples of the run, shape (N, n) [rad or m]."""
+        return self.states_q[:: self.substeps]
 
 
 def columns_of(model: ServoModel) -> dict[str, slice]:
@@ -41,9 +53,7 @@ def columns_of(model: ServoModel) -> dict[str, slice]:
     return {name: slice(int(end) - size, int(end)) for (name, size), end in zip(sizes.items(), ends, strict=True)}
 
 
-def simulate(
-    model: ServoModel, parameters: ServoParameters, runs: Sequence[ServoRun], *, derivatives: bool = False
-) -> tuple[SimulatedRun, ...]:
+def simulate(model: ServoModel, parameters: ServoParameters, runs: Sequence[ServoRun]) -> tuple[SimulatedRun, ...]:
     """Simulates the motion of each run from its first position, under its commands.
 
     Runs with the same step are simulated side by side.
@@ -52,7 +62,6 @@ def simulate(
         model: Arm and friction laws.
         parameters: Links, friction and servos.
         runs: Commands and the initial state.
-        derivatives: True if the derivatives by all parameters are computed, too.
     """
     found: dict[int, SimulatedRun] = {}
     for each in _side_by_side(runs):
@@ -69,11 +78,8 @@ def simulate(
         q, dq, unsettled = kernel.roll_out(model.robot.tree, parameters.inertial, servos, commands, None, *starts)
         for k, (means, slopes), of_q, of_dq in zip(each, held, q, dq, strict=True):
             states = slice(0, len(means) + 1)
-            jacobian = None
-            if derivatives and np.isfinite(of_q[states]).all():
-                state = of_q[states], of_dq[states]
-                jacobian = _jacobian(model, parameters, means, slopes, *state, step, substeps)
-            found[k] = SimulatedRun(of_q[states][::substeps], jacobian, unsettled if k == each[0] else 0)
+            first = unsettled if k == each[0] else 0
+            found[k] = SimulatedRun(of_q[states], of_dq[states], means, slopes, step, substeps, first)
     return tuple(found[k] for k in range(len(runs)))
 
 
@@ -90,17 +96,19 @@ def _padded(commands: Array, steps: int) -> Array:
     return np.concatenate([commands, np.repeat(commands[-1:], steps - len(commands), axis=0)])
 
 
-def _jacobian(
-    model: ServoModel,
-    parameters: ServoParameters,
-    means: Array,
-    slopes: Array,
-    q: Array,
-    dq: Array,
-    step: float,
-    substeps: int,
-) -> Array:
-    """Derivatives of the positions of one run, shape (N - 1, n, columns)."""
+def position_derivatives(model: ServoModel, parameters: ServoParameters, run: SimulatedRun) -> Array | None:
+    """Derivatives of the positions at the samples after the first by the columns of `columns_of`.
+
+    Args:
+        model: Arm and friction laws.
+        parameters: Parameters of the simulation.
+        run: The simulated motion.
+
+    Returns:
+        Derivatives, shape (N - 1, n, columns); `None` if the motion diverges.
+    """
+    if not np.isfinite(run.states_q).all():
+        return None
     n, columns = model.n, columns_of(model)
     layout = make_layout(model.robot.tree, np.arange(10 * n), np.zeros(0, dtype=int), np.zeros(0, dtype=int))
 
@@ -115,17 +123,16 @@ def _jacobian(
         np.tile(np.arange(n), 2),
         np.concatenate([numbers("offset"), numbers("delay")]),
     )
-    by_offset = np.tile(-parameters.stiffness[:, None], (1, len(means)))
-    inputs = np.concatenate([by_offset, parameters.stiffness[:, None] * slopes.T])
+    by_offset = np.tile(-parameters.stiffness[:, None], (1, len(run.means)))
     return kernel.roll_out_sensitivities(
         model.robot.tree,
         parameters.inertial,
-        model.joints(parameters, step),
+        model.joints(parameters, run.step),
         wanted,
-        means - parameters.offset,
+        run.means - parameters.offset,
         None,
-        inputs,
-        q,
-        dq,
-        substeps,
+        np.concatenate([by_offset, parameters.stiffness[:, None] * run.slopes.T]),
+        run.states_q,
+        run.states_dq,
+        run.substeps,
     )

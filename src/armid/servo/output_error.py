@@ -14,7 +14,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import EstimationError
-from armid.servo.closed_loop import simulate
+from armid.servo.closed_loop import SimulatedRun, columns_of, position_derivatives, simulate
 from armid.servo.parameters import ServoParameters
 from armid.servo.servo_run import ServoRun
 from armid.servo.unknowns import Unknowns
@@ -42,7 +42,7 @@ FINEST = 5e-3
 for their derivatives grows with their number."""
 
 PIECE = 2000
-"""Number of rows whose derivatives are converted at once."""
+"""Number of rows whose derivatives are weighted at once."""
 
 LEAST_DAMPING = 1e-11
 """Smallest damping, relative to the diagonal of the information."""
@@ -91,11 +91,11 @@ class OutputErrorFit:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Point:
-    """Unknowns, residuals (rows, n) of each run, and the number of integration steps that did not converge."""
+    """Unknowns, simulated motion and residuals (rows, n) of each run."""
 
     x: Array
+    simulated: tuple[SimulatedRun, ...]
     residuals: tuple[Array, ...]
-    unsettled: int
 
 
 def minimise_output_error(
@@ -122,7 +122,7 @@ def minimise_output_error(
     weight, rms, correlation = _weights(point.residuals)
     damping, settled, step = DAMPING[0], most_steps == 0, 0
     for step in range(1, most_steps + 1):
-        information, slope = _normal_equations(unknowns, point.x, point.residuals, weight, runs)
+        information, slope = _normal_equations(unknowns, point, point.residuals, weight, runs)
         slope -= point.x * unknowns.deviation**-2
         cost, found = _cost(unknowns, point, weight), None
         while found is None and damping < DAMPING[1]:
@@ -143,7 +143,7 @@ def minimise_output_error(
         if settled:
             break
     errors = _integration_errors(unknowns, point, runs)
-    information, slope = _normal_equations(unknowns, point.x, errors, weight, runs)
+    information, slope = _normal_equations(unknowns, point, errors, weight, runs)
     covariance = np.linalg.inv(information)
     shift = np.abs(covariance @ slope) / np.sqrt(np.diag(covariance))
     return OutputErrorFit(
@@ -155,7 +155,7 @@ def minimise_output_error(
         correlation,
         step,
         settled,
-        point.unsettled,
+        sum(each.unsettled for each in point.simulated),
         float(shift.max(initial=0.0)),
     )
 
@@ -181,7 +181,7 @@ def _evaluate(unknowns: Unknowns, x: Array, runs: Sequence[ServoRun]) -> _Point:
     """Residuals at unknowns x; NaN where the simulated motion diverges."""
     found = simulate(unknowns.model, unknowns.parameters(x), runs)
     residuals = tuple((run.q[1:] - simulated.q[1:])[_rows(run)] for run, simulated in zip(runs, found, strict=True))
-    return _Point(x, residuals, sum(each.unsettled for each in found))
+    return _Point(x, found, residuals)
 
 
 def _integration_errors(unknowns: Unknowns, point: _Point, runs: Sequence[ServoRun]) -> list[Array]:
@@ -204,26 +204,27 @@ def _cost(unknowns: Unknowns, point: _Point, weight: Array) -> float:
 
 
 def _normal_equations(
-    unknowns: Unknowns, x: Array, residuals: Sequence[Array], weight: Array, runs: Sequence[ServoRun]
+    unknowns: Unknowns, point: _Point, residuals: Sequence[Array], weight: Array, runs: Sequence[ServoRun]
 ) -> tuple[Array, Array]:
-    """Information (count, count) of data and prior at x, and half the downward gradient of the misfit of residuals.
+    """Information (count, count) of data and prior, and half the downward gradient of the misfit of residuals.
 
     Runs are differentiated one after another, and their derivatives are not kept.
     """
-    information = np.diag(unknowns.deviation**-2)
-    slope = np.zeros(unknowns.count)
-    parameters, root = unknowns.parameters(x), np.sqrt(weight)
-    for run, residual in zip(runs, residuals, strict=True):
-        (simulated,) = simulate(unknowns.model, parameters, [run], derivatives=True)
-        if simulated.jacobian is None:
-            continue  # rounding differs between runs alone and side by side, so a motion may diverge in one only
-        jacobian = simulated.jacobian[_rows(run)]
+    parameters, root = unknowns.parameters(point.x), np.sqrt(weight)
+    columns = columns_of(unknowns.model)["delay"].stop
+    squares, slope = np.zeros((columns, columns)), np.zeros(columns)
+    for run, simulated, residual in zip(runs, point.simulated, residuals, strict=True):
+        derivatives = position_derivatives(unknowns.model, parameters, simulated)
+        if derivatives is None:
+            continue
+        jacobian = derivatives[_rows(run)]
         for begin in range(0, len(jacobian), PIECE):
             part = slice(begin, begin + PIECE)
-            scaled = (unknowns.chained(jacobian[part], x) * root[:, None]).reshape(-1, unknowns.count)
-            information += scaled.T @ scaled
+            scaled = (jacobian[part] * root[:, None]).reshape(-1, columns)
+            squares += scaled.T @ scaled
             slope += scaled.T @ (residual[part] * root).ravel()
-    return information, slope
+    chain = unknowns.chain(point.x)
+    return np.diag(unknowns.deviation**-2) + chain.T @ squares @ chain, chain.T @ slope
 
 
 def _weights(residuals: Sequence[Array]) -> tuple[Array, Array, Array]:

@@ -97,24 +97,22 @@ class Unknowns:
             parts.append(np.log(ratio) if name in LOGARITHMIC else own - mean)
         return np.concatenate([*parts, np.zeros(10 * self.model.n)])[self.free]
 
-    def chained(self, jacobian: Array, x: Array) -> Array:
-        """Derivatives (N, n, count) by the unknowns from those by the parameters, shape (N, n, columns)."""
+    def chain(self, x: Array) -> Array:
+        """Derivatives of the parameters, in the columns of `columns_of`, by the unknowns, shape (columns, count)."""
         parts, bodies = self._split(x)
         columns = columns_of(self.model)
-        found = [
-            jacobian[:, :, columns[name]]
-            * np.where(_moves(mean := getattr(self.mean, name)), mean, 0.0)
-            * np.exp(parts[name])
-            for name in LOGARITHMIC
-        ]
-        found += [jacobian[:, :, columns[name]] for name in ADDITIVE]
+        found = np.zeros((columns["delay"].stop, sum(self._sizes.values()) + 10 * self.model.n))
+        at = 0
+        for name, size in self._sizes.items():
+            rows, mean = np.arange(columns[name].start, columns[name].stop), getattr(self.mean, name)
+            value = np.where(_moves(mean), mean, 0.0) * np.exp(parts[name])
+            found[rows, at + np.arange(size)] = value if name in LOGARITHMIC else 1.0
+            at += size
         if self.deviations.bodies > 0.0:
-            slopes = self._body_slopes(bodies)
-            links = jacobian[:, :, columns["inertial"]].reshape(*jacobian.shape[:2], self.model.n, 10)
-            found.append(np.einsum("sjik,ikm->sjim", links, slopes).reshape(*jacobian.shape[:2], -1))
-        else:
-            found.append(np.zeros((*jacobian.shape[:2], 10 * self.model.n)))
-        return np.concatenate(found, axis=2)[:, :, self.free]
+            for link, slopes in enumerate(self._body_slopes(bodies)):
+                rows = columns["inertial"].start + 10 * link
+                found[rows : rows + 10, at + 10 * link : at + 10 * link + 10] = slopes
+        return found[:, self.free]
 
     def _split(self, x: Array) -> tuple[dict[str, Array], Array]:
         """Coordinates of each field, and those of the links, shape (n, 10)."""

@@ -26,7 +26,7 @@ NEAR = 2.0
 tries differ by about as much."""
 
 UNKNOWN_SCALE = 0.25
-"""Largest error of the logarithm of a largest torque: links of 10 % give a common scale of torques an error of 6 %."""
+"""Largest error of the logarithm of a largest torque: links of 10 % leave a common scale of torques open by 6 %."""
 
 
 def limited(seed: int):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from armid.maths.inertia import pseudo_inertia
-from armid.servo.closed_loop import simulate
+from armid.servo.closed_loop import position_derivatives, simulate
 from armid.servo.unknowns import PriorDeviations, Unknowns
 from servo_labs import any_parameters, recorded, servo_model, small_arm
 
@@ -50,8 +50,8 @@ def test_derivatives():
     run = recorded(model, mean, rng, 4.0)
     unknowns = unknowns_of(model, mean)
     x = rng.normal(0.0, 0.1, unknowns.count) * np.array([0.01 if n == "delay" else 1.0 for n, _ in unknowns.names()])
-    (at,) = simulate(model, unknowns.parameters(x), [run], derivatives=True)
-    slopes = unknowns.chained(at.jacobian, x)
+    (at,) = simulate(model, unknowns.parameters(x), [run])
+    slopes = position_derivatives(model, unknowns.parameters(x), at) @ unknowns.chain(x)
     for k, (name, _) in enumerate(unknowns.names()):
         step = 1e-6 * np.eye(unknowns.count)[k]
         up, down = (simulate(model, unknowns.parameters(x + s), [run])[0].q[1:] for s in (step, -step))
