@@ -262,7 +262,12 @@ def test_numbers_that_are_not_finite_are_refused_where_arms_and_servos_are_made(
 def test_motions_that_are_not_finite_are_refused_by_the_roll_out():
     tree = random_tree(np.random.default_rng(0), 1)
     servos = ServoJoints([1.0], [0.0], [1.0], [0.1], law_programs([]), [], 1e-3)
-    good = {"command": np.zeros((1, 4, 1)), "torque": np.zeros((1, 4, 1)), "q": np.zeros((1, 1)), "dq": np.zeros((1, 1))}
+    good = {
+        "command": np.zeros((1, 4, 1)),
+        "torque": np.zeros((1, 4, 1)),
+        "q": np.zeros((1, 1)),
+        "dq": np.zeros((1, 1)),
+    }
     for name, given in good.items():
         with pytest.raises(ArmidError, match="finite"):
             kernel.roll_out(tree, np.ones((1, 10)), servos, **{**good, name: np.full_like(given, np.nan)})
@@ -288,6 +293,8 @@ def test_motions_that_are_not_finite_are_refused_by_the_roll_out():
 def test_tapes_that_read_elsewhere_are_refused(arrays: Arguments, match: str):
     i4 = np.int32
     good = {"sizes": [2], "constants": np.ones(1), "runs": [[0, 1]], "operands": [[0, 1]], "results": [3]}
-    made = {key: np.asarray(each, np.float64 if key == "constants" else i4) for key, each in {**good, **arrays}.items()}
+    made = {
+        key: np.asarray(each, np.float64 if key == "constants" else i4) for key, each in {**good, **arrays}.items()
+    }
     with pytest.raises(ValueError, match=match):
         _native.Tape(**made)
