@@ -1,4 +1,4 @@
-"""Clean inputs of arms whose logs have commands and no torque: description with servos, and recordings in each form."""
+"""Clean inputs of arms without torque: a description with servos, and recordings of commands in each form."""
 
 from __future__ import annotations
 

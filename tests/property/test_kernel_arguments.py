@@ -1,4 +1,4 @@
-"""Bindings of the kernel refuse arguments of wrong sizes, types, strides and indices with an error, on every build."""
+"""Bindings of the kernel refuse arguments of wrong sizes, types, strides and indices, on every build."""
 
 from __future__ import annotations
 

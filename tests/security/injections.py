@@ -15,10 +15,11 @@ from labs import STUDY, URDF, small_recording, write_recording
 SECRET = "secret-7f3a"
 """Text of the files outside, which may appear nowhere."""
 
-MESH = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n"
+MESH = "solid a\nfacet normal 0 0 1\nouter loop\n"
+MESH += "vertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n"
 
 Attempt = Callable[[Path, Path], tuple[str, ...]]
-"""Function that writes an input to a folder, given a folder of files outside, and returns the command that reads it."""
+"""Function that writes an input to a folder, given the folder outside, and returns the command that reads it."""
 
 
 def write_outside(folder: Path) -> None:

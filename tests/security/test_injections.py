@@ -127,6 +127,10 @@ NAMES = (
 """Names of arms and joints that would be code, if they stood unchanged in a file."""
 
 
+HARMLESS = set("./abcdefghijklmnopqrstuvwxyz")
+"""Characters that cannot end a comment or a string of any language."""
+
+
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_names_become_neither_code_nor_paths(language: str):
     robot = robot_of(load_robot("ur5e").tree)
@@ -137,4 +141,5 @@ def test_names_become_neither_code_nor_paths(language: str):
         assert files
         for file, text in files.items():
             assert not Path(file).is_absolute() and ".." not in Path(file).parts
-            assert name not in text and 'touch pwned")' not in text and "\u202e" not in text
+            assert name not in text or set(name) <= HARMLESS
+            assert 'touch pwned")' not in text and "\u202e" not in text

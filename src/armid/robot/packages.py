@@ -5,8 +5,8 @@ folder of the package NAME. This folder is searched in the folders that the user
 description, and in those of ROS_PACKAGE_PATH and AMENT_PREFIX_PATH. ROS need not be installed.
 
 A description from a stranger must not name any file of the computer. It may name files of its own package, or of its
-folder and the one above, and of other packages; the limit `outside` of `armid.input_boundary` permits others. Links are
-followed, since tools of ROS install links to the files of a package.
+folder and the one above, and of other packages; the limit `outside` of `armid.input_boundary` permits others. Links
+are followed, since tools of ROS install links to the files of a package.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SCHEMES = ("package://", "model://")
 """Beginnings of the names of files that lie in a package."""
 
 LEVELS = 3
-"""Number of folders in which files of unknown packages are searched: the folder of the description and those above it."""
+"""Number of folders in which files of unknown packages are searched: that of the description and those above it."""
 
 MOST_FOLDERS = 50
 """Largest number of subfolders of a folder that is searched; a folder with more subfolders is no part of a

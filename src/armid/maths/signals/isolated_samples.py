@@ -50,8 +50,8 @@ is 20 times the quantile; this rule requires 60 times."""
 
 LOST, USUAL_LOST = 1e-12, 5.0
 """Largest absolute value, relative to that of the channel, of a sample that counts as zero; and smallest height of an
-isolated run of zeros, divided by the same quantile, for any duration. Such a run is a lost sample and not a peak of the
-motion, which would not end at zero."""
+isolated run of zeros, divided by the same quantile, for any duration. Such a run is a lost sample and not a peak of
+the motion, which would not end at zero."""
 
 RETURNS = 3.0
 """Smallest height of an isolated run, divided by the difference between the medians on its two sides. When an arm
