@@ -48,10 +48,10 @@ BRIEF = 2.5e-3
 abruptly, the torque has a peak of 10 ms: one sample at 100 Hz. In a recording of a UR10e, the height of such a peak
 is 20 times the quantile; this rule requires 60 times."""
 
-LOST, USUAL_LOST = 1e-12, 5.0
+LOST, USUAL_LOST, LOCAL_LOST = 1e-12, 5.0, 10.0
 """Largest absolute value, relative to that of the channel, of a sample that counts as zero; and smallest height of an
-isolated run of zeros, divided by the same quantile, for any duration. Such a run is a lost sample and not a peak of
-the motion, which would not end at zero."""
+isolated run of zeros, divided by the same quantile, for any duration, and by the local median. Such a run is a lost
+sample and not a peak of the motion, which would not end at zero."""
 
 RETURNS = 3.0
 """Smallest height of an isolated run, divided by the difference between the medians on its two sides. When an arm
@@ -158,7 +158,8 @@ def _mark_isolated(x: Array, seconds: float, found: NDArray[np.bool_]) -> None:
         near = np.sort(steps[len(steps) - 1 - np.abs(len(steps) - 1 - rows)], axis=1)
         local = np.maximum(near[:, len(away) // 2], resolution / 2)
         starts = np.zeros(len(height), dtype=np.bool_)
-        starts[candidates[height[candidates] > LOCAL * local]] = True
+        least_local = np.where(lost[candidates], LOCAL_LOST, LOCAL) * local
+        starts[candidates[height[candidates] > least_local]] = True
         marked(starts, length, found)
 
 
