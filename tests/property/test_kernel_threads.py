@@ -21,7 +21,7 @@ ROUNDS = 6
 
 
 def everything(problem: Problem, inertial: Array, build: str) -> list[Array]:
-    """What each function of the kernel makes of a problem; the scratch memory of none may be another's."""
+    """Results of all functions of the kernel for a problem."""
     tree, layout, (q, dq, ddq) = problem.tree, problem.layout, problem.state
     n, samples = tree.n, len(q)
     servos = ServoJoints([20.0] * n, [1.0] * n, [np.inf] * n, [0.2] * n, law_programs([]), [], 2e-3)
