@@ -142,6 +142,12 @@ def inertia_of_1e308(folder: Path) -> tuple[str, ...]:
     return "preview", "arm.mjcf", "--out", "page.html"
 
 
+def column_of_a_huge_number(folder: Path) -> tuple[str, ...]:
+    path = write_recording(small_recording(1), folder / "log.csv")
+    path.write_text(path.read_text().replace("tau2", f"tau{'1' * 400}", 1))
+    return examined("log.csv")
+
+
 CORPUS: dict[str, Write] = {
     "a list in place of fields": saved_with(lambda value: [value]),
     "a list in place of a mapping": saved_with(lambda value: {**value, "columns": [1]}),
@@ -165,6 +171,7 @@ CORPUS: dict[str, Write] = {
     "a deep description": deep_xacro,
     "a matrix that is nowhere": mat_without_a_target,
     "a long name of a column": long_column_name,
+    "a column of a huge number": column_of_a_huge_number,
     "a clock of nanoseconds": clock_of_nanoseconds,
 }
 """Inputs by what is wrong with them."""
