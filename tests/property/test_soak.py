@@ -32,7 +32,7 @@ pytestmark = [
 
 SCALE = int(os.environ.get("ARMID_SOAK", "1"))
 
-CALLS, UPDATES, IDENTIFIED = 2_000_000 * SCALE, 20_000 * SCALE, 20 * SCALE
+CALLS, UPDATES, IDENTIFIED = 2_000_000 * SCALE, 5_000 * SCALE, 20 * SCALE
 
 ALLOWANCE = 2.0
 """Growth of the resident memory over the second half of a soak [MB]: pages that the allocator keeps. Ten bytes lost
@@ -50,6 +50,7 @@ def test_calls_of_a_model_need_no_memory_and_do_not_drift():
     model = CallableModel(each.model, each.base, each.values)
     q, dq, ddq = (np.ascontiguousarray(x[0]) for x in (each.motion.q, each.motion.dq, each.motion.ddq))
     first = model.torque(q, dq, ddq)
+    resident()
     counts, sizes = sys.getallocatedblocks(), []
     for _ in range(2):
         for _ in range(CALLS // 2):
@@ -57,7 +58,7 @@ def test_calls_of_a_model_need_no_memory_and_do_not_drift():
         sizes.append(resident())
     assert np.array_equal(first, last)
     assert sizes[1] - sizes[0] < ALLOWANCE
-    assert abs(sys.getallocatedblocks() - counts) < 1000
+    assert sys.getallocatedblocks() - counts < 1000
 
 
 def test_identifications_in_one_process_need_no_more_memory(tmp_path: Path):
