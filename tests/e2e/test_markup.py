@@ -110,7 +110,7 @@ def test_a_browser_runs_the_scripts_of_the_page_and_no_other(arm: Path, monkeypa
         "<script>window.ran = 'script'</script><img src='x' onerror='window.ran = 1'>"
         "<svg onload='window.ran = 2'></svg><iframe srcdoc='<script>parent.ran = 3</script>'></iframe>"
         "<a id='link' href='javascript:window.ran = 4'>x</a>"
-        "<img src='http://127.0.0.1:9/beacon'><base href='http://127.0.0.1:9/'>"
+        "<img src='http://localhost:9/beacon'><base href='http://localhost:9/'>"
     )
     with browser() as chromium:
         for name in ("preview.html", "looked/report.html"):

@@ -279,7 +279,7 @@ ATTEMPTS: dict[str, Attempt] = {
     "workbook: entity and member": sheet,
     "study: a command as file": study('path = "| touch pwned"'),
     "study: a command as description": study('description = "$(touch pwned)"'),
-    "study: an address as description": study('description = "http://127.0.0.1:9/arm.urdf"'),
+    "study: an address as description": study('description = "http://localhost:9/arm.urdf"'),
     "study: an unknown key": study('[run]\ncommand = "touch pwned"'),
 }
 """Attempts by name."""

@@ -150,7 +150,7 @@ def _mark_isolated(x: Array, seconds: float, found: NDArray[np.bool_]) -> None:
     zero = np.abs(x) <= LOST * np.abs(x).max()
     for length in range(1, LONGEST + 1):
         height, difference = heights(x, length)
-        lost = np.lib.stride_tricks.sliding_window_view(zero, length).all(axis=1)
+        lost = np.asarray(np.lib.stride_tricks.sliding_window_view(zero, length).all(axis=-1), dtype=np.bool_)
         least = np.where(lost, USUAL_LOST, USUAL * max(1.0, length * seconds / BRIEF)) * usual
         candidates = np.flatnonzero(height > np.maximum(least, RETURNS * difference))
         away = np.concatenate([np.arange(-WINDOW, 1 - SIDE), np.arange(SIDE - 1, WINDOW) + length])
