@@ -123,7 +123,13 @@ void factor(const std::string& isa, const ArmData& data, In<std::int32_t> offset
     }
   };
   std::vector<std::thread> others;
-  for (int w = 1; w < workers; ++w) others.emplace_back(work, w);
+  for (int w = 1; w < workers; ++w) {
+    try {
+      others.emplace_back(work, w);
+    } catch (const std::exception&) {
+      work(w);  // no thread or no memory to be had: this one does its blocks, too
+    }
+  }
   work(0);
   for (std::thread& other : others) other.join();
   for (const std::exception_ptr& failure : failures) {
@@ -155,6 +161,8 @@ void decimate(const std::string& isa, const ArmData& data, In<std::int32_t> offs
   require(out.ndim() == 2 && static_cast<std::int64_t>(out.shape(0)) == offset.data()[data.arm.n],
           "out must be (columns, rows)");
   require(step >= 1 && taps.size() >= 1, "the decimation needs taps and a step of at least one");
+  constexpr std::int64_t FAR = std::int64_t{1} << 40;
+  require(step < FAR && -FAR < first && first < FAR, "the decimation steps too far");
   const Kernel& k = kernel(isa);
   const double* h = taps.data();
   const std::ptrdiff_t length = static_cast<std::ptrdiff_t>(taps.size());
@@ -312,7 +320,8 @@ int run_tape(const armid::Tape& tape, Out<double> out, const Inputs&... inputs) 
 NB_MODULE(_native, m) {
   using Vector = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
   nb::class_<armid::Tape>(m, "Tape")
-      .def(nb::new_(&make_tape), "sizes"_a, "constants"_a, "runs"_a, "operands"_a, "results"_a)
+      .def(nb::new_(&make_tape), "sizes"_a.noconvert(), "constants"_a.noconvert(), "runs"_a.noconvert(),
+           "operands"_a.noconvert(), "results"_a.noconvert())
       .def_static("operations", &armid::Tape::operations)
       .def("run", &run_tape<Vector>, nb::arg().noconvert(), nb::arg().noconvert())
       .def("run", &run_tape<Vector, Vector>, nb::arg().noconvert(), nb::arg().noconvert(), nb::arg().noconvert())
@@ -323,20 +332,21 @@ NB_MODULE(_native, m) {
       .def("run", &run_tape<Vector, Vector, Vector, Vector, Vector>, nb::arg().noconvert(), nb::arg().noconvert(),
            nb::arg().noconvert(), nb::arg().noconvert(), nb::arg().noconvert(), nb::arg().noconvert());
   nb::class_<ArmData>(m, "Arm").def(
-      nb::init<In<std::int32_t>, In<std::uint8_t>, In<double>, In<double>, In<double>, In<double>>(), "parent"_a,
-      "prismatic"_a, "axis"_a, "rotation"_a, "translation"_a, "gravity"_a);
+      nb::init<In<std::int32_t>, In<std::uint8_t>, In<double>, In<double>, In<double>, In<double>>(),
+      "parent"_a.noconvert(), "prismatic"_a.noconvert(), "axis"_a.noconvert(), "rotation"_a.noconvert(),
+      "translation"_a.noconvert(), "gravity"_a.noconvert());
   m.def("instruction_sets", &instruction_sets);
-  m.def("regressor", &regressor);
-  m.def("columns", &columns);
-  m.def("inverse_dynamics", &inverse_dynamics);
-  m.def("mass_matrix", &mass_matrix);
-  m.def("factor", &factor);
-  m.def("factor_columns", &factor_columns);
-  m.def("decimate", &decimate);
-  m.def("play", &play);
-  m.def("columns_adjoint", &columns_adjoint);
-  m.def("information", &information);
-  m.def("information_adjoint", &information_adjoint);
-  m.def("reweighted", &reweighted);
+  armid::bind(m, "regressor", &regressor);
+  armid::bind(m, "columns", &columns);
+  armid::bind(m, "inverse_dynamics", &inverse_dynamics);
+  armid::bind(m, "mass_matrix", &mass_matrix);
+  armid::bind(m, "factor", &factor);
+  armid::bind(m, "factor_columns", &factor_columns);
+  armid::bind(m, "decimate", &decimate);
+  armid::bind(m, "play", &play);
+  armid::bind(m, "columns_adjoint", &columns_adjoint);
+  armid::bind(m, "information", &information);
+  armid::bind(m, "information_adjoint", &information_adjoint);
+  armid::bind(m, "reweighted", &reweighted);
   armid::bind_rollout(m);
 }

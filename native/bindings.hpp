@@ -14,6 +14,7 @@
 #include <limits>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "kernel.hpp"
@@ -34,7 +35,8 @@ inline const std::vector<const Kernel*>& kernels() {
     std::vector<const Kernel*> found;
 #ifdef ARMID_X86
     __builtin_cpu_init();
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
+    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl") &&
+        __builtin_cpu_supports("avx512bw"))
       found.push_back(&kernel_avx512);
     if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) found.push_back(&kernel_avx2);
 #endif
@@ -49,6 +51,23 @@ inline const Kernel& kernel(const std::string& isa) {
     if (isa == k->name) return *k;
   }
   throw std::invalid_argument("this machine cannot run the kernel '" + isa + "'");
+}
+
+// An argument of a bound function. Arrays are never converted: a copy of an output would take the result, and a copy of
+// indices could change them.
+template <class T>
+struct Argument {
+  static auto make() { return nb::arg(); }
+};
+template <class T, class... More>
+struct Argument<nb::ndarray<T, More...>> {
+  static auto make() { return nb::arg().noconvert(); }
+};
+
+// Adds a function to the module; arrays of another type or with strides are a TypeError.
+template <class Result, class... Arguments>
+void bind(nb::module_& m, const char* name, Result (*function)(Arguments...)) {
+  m.def(name, function, Argument<std::remove_cv_t<std::remove_reference_t<Arguments>>>::make()...);
 }
 
 inline void require(bool ok, const char* what) {
@@ -140,6 +159,10 @@ inline Layout layout_of(const ArmData& data, const In<std::int32_t>& offset, con
                         const In<std::int32_t>& term) {
   const int n = data.arm.n;
   require(offset.size() == static_cast<std::size_t>(n) + 1, "offset must have n + 1 entries");
+  require(offset.data()[0] == 0, "offset must begin with 0");
+  for (int j = 0; j < n; ++j) {
+    require(offset.data()[j] < offset.data()[j + 1], "each joint needs a column, that of its torque");
+  }
   require(target.size() == 0 || target.size() == 10 * data.ancestor.size(), "target must have ten entries a pair");
   for (std::size_t k = 0; k < target.size(); ++k) {
     const int j = data.ancestor[k / 10];

@@ -102,6 +102,10 @@ void roll_out_sensitivities(const std::string& isa, const ArmData& data, In<doub
           "each law and gain needs a parameter");
   require(of.input_joint.size() == of.input_parameter.size() && of.input.size() == of.input_joint.size() * N,
           "inputs must be (inputs, N)");
+  for (std::size_t k = 0; k < of.input_joint.size(); ++k) {
+    require(0 <= of.input_joint.data()[k] && static_cast<std::size_t>(of.input_joint.data()[k]) < n,
+            "an input acts on a joint that is not there");
+  }
   const auto known = [&](const In<std::int32_t>& parameter, int least) {
     for (std::size_t k = 0; k < parameter.size(); ++k) {
       require(least <= parameter.data()[k] && parameter.data()[k] < of.count, "a parameter that is not there");
@@ -139,14 +143,15 @@ void bind_rollout(nb::module_& m) {
   nb::class_<ServoArrays>(m, "ServoArrays")
       .def(nb::init<In<double>, In<std::int32_t>, In<std::int32_t>, In<double>, In<std::int32_t>, In<std::int32_t>,
                     In<double>, In<double>>(),
-           "gains"_a, "first"_a, "operation"_a, "constant"_a, "link"_a, "joint"_a, "weight"_a, "value"_a);
+           "gains"_a.noconvert(), "first"_a.noconvert(), "operation"_a.noconvert(), "constant"_a.noconvert(),
+           "link"_a.noconvert(), "joint"_a.noconvert(), "weight"_a.noconvert(), "value"_a.noconvert());
   nb::class_<ParameterArrays>(m, "ParameterArrays")
       .def(nb::init<int, In<std::int32_t>, In<std::int32_t>, In<std::int32_t>, In<std::int32_t>, In<std::int32_t>,
                     In<std::int32_t>, In<std::int32_t>, In<double>>(),
-           "count"_a, "offset"_a, "target"_a, "parameter"_a, "law"_a, "joint"_a, "input_joint"_a, "input_parameter"_a,
-           "input"_a);
-  m.def("roll_out", &roll_out);
-  m.def("roll_out_sensitivities", &roll_out_sensitivities);
+           "count"_a, "offset"_a.noconvert(), "target"_a.noconvert(), "parameter"_a.noconvert(), "law"_a.noconvert(),
+           "joint"_a.noconvert(), "input_joint"_a.noconvert(), "input_parameter"_a.noconvert(), "input"_a.noconvert());
+  bind(m, "roll_out", &roll_out);
+  bind(m, "roll_out_sensitivities", &roll_out_sensitivities);
 }
 
 }  // namespace armid

@@ -51,6 +51,7 @@ LIMITS: Mapping[str, SizeLimit] = MappingProxyType(
         "joints": SizeLimit(500, "joints"),
         "links": SizeLimit(5000, "links"),
         "nesting": SizeLimit(150, "levels of nested elements"),
+        "outside": SizeLimit(0, "files outside of its folders"),
     }
 )
 """Limits by name. In 1600 published descriptions, a file has at most 220 joints, 214 links, 41 levels and 0.2 MB. An

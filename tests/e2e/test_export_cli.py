@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -30,6 +31,7 @@ def test_a_urdf_is_edited_checked_and_predicts_unseen_motion(small: Path, capsys
     assert armid("export", small / "physical", "--to", "urdf", "--out", small / "found.urdf", "--json") == 0
     record = json.loads(capsys.readouterr().out)
     assert record["file"] == str(small / "found.urdf") and record["edited"] == str(small / "small.urdf")
+    assert record["sha256"] == [hashlib.sha256((small / "found.urdf").read_bytes()).hexdigest()]
     assert record["side"] == str(small / "found.urdf.armid.json") and record["standard_parameters"] == "estimated"
     assert all(check["ok"] for check in record["checks"])
     names = {check["name"] for check in record["checks"]}

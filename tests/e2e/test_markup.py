@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -10,6 +12,7 @@ from xml.sax.saxutils import quoteattr
 import pytest
 
 from armid.cli.main import main
+from browser import browser, needs_chromium
 from labs import URDF, small_recording, write_recording
 
 MARKUP = "</script><img src=x onerror=alert(1)><!--'\"&amp;{{7*7}}"
@@ -45,8 +48,16 @@ class Elements(HTMLParser):
         self.inside = False
 
 
+POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">')
+
+
 def assert_harmless(path: Path) -> None:
     page = path.read_text(encoding="utf-8")
+    assert page.index("Content-Security-Policy") < page.index("<title>")
+    policy = unescape(*POLICY.findall(page))
+    assert "default-src 'none'" in policy and "unsafe-eval" not in policy and "http" not in policy
+    scripts = policy.partition("script-src ")[2].partition(";")[0]
+    assert "unsafe-inline" not in scripts and "sha256-" in scripts
     found = Elements(page)
     assert "img" not in found.tags and not found.handlers
     for island in found.islands:
@@ -88,3 +99,31 @@ def test_plots_keep_markup_as_text():
 
     text = embedded({"name": MARKUP})
     assert "</" not in text and "<!--" not in text and json.loads(text)["name"] == MARKUP
+
+
+@needs_chromium
+def test_a_browser_runs_the_scripts_of_the_page_and_no_other(arm: Path, monkeypatch: pytest.MonkeyPatch):
+    run(arm, monkeypatch, "preview", "arm.urdf", FILE, "--out", "preview.html")
+    run(arm, monkeypatch, "identify", "arm.urdf", FILE, "--out", "looked")
+    run(arm, monkeypatch, "report", "looked")
+    added = (
+        "<script>window.ran = 'script'</script><img src='x' onerror='window.ran = 1'>"
+        "<svg onload='window.ran = 2'></svg><iframe srcdoc='<script>parent.ran = 3</script>'></iframe>"
+        "<a id='link' href='javascript:window.ran = 4'>x</a>"
+        "<img src='http://localhost:9/beacon'><base href='http://localhost:9/'>"
+    )
+    with browser() as chromium:
+        for name in ("preview.html", "looked/report.html"):
+            page = (arm / name).read_text(encoding="utf-8")
+            tab = chromium.open(arm / name, mark="still")
+            tab.wait("document.documentElement.dataset.drawn")
+            assert [words for words in tab.said if "GL Driver Message" not in words] == []
+            attacked = arm / f"{Path(name).stem}-attacked.html"
+            attacked.write_text(page.replace("</main>", f"</main>{added}"), encoding="utf-8")
+            tab = chromium.open(attacked, mark="still")
+            tab.wait("document.documentElement.dataset.drawn")  # its own scripts ran
+            tab.run("document.getElementById('link').click()")
+            tab.run("new Promise((done) => setTimeout(done, 300))")
+            assert tab.run("window.ran === undefined")
+            refused = [words for words in tab.said if "Content Security Policy" in words]
+            assert any("/beacon" in words for words in refused) and any("inline script" in words for words in refused)

@@ -45,7 +45,7 @@ def _other_type(values: NDArray[Any], rng: Generator) -> NDArray[Any]:
 
 
 def _other_shape(values: NDArray[Any], rng: Generator) -> NDArray[Any]:
-    shapes = (values.reshape(-1, 1), values.reshape(1, -1), values.reshape(1, 1, -1), values[:1].reshape(()))
+    shapes = (values.reshape(-1, 1), values.reshape(1, -1), values.reshape(1, 1, -1), values.ravel()[:1].reshape(()))
     return (*shapes, np.stack([values] * 3, 1))[int(rng.integers(5))] if values.ndim == 1 else values.reshape(-1)
 
 

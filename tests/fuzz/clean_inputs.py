@@ -10,6 +10,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+from servo_inputs import write_servo_inputs
 
 ROOT = Path(__file__).parents[1]
 
@@ -97,6 +98,7 @@ def write_clean_inputs(folder: Path) -> None:
     record |= {"lead_in": 0.0, "lead_out": 0.0, "surroundings": [], "joint_limits": None}
     (folder / "plan.json").write_text(to_json(record))
     _write_motions(folder)
+    write_servo_inputs(folder)
     _run(folder, "identify", "small.urdf", "log.csv", "--validate", "other.csv", "--out", "run")
     _run(folder, "payload", "run", "other.csv", "--out", "payload")
     _write_payload(folder / "payload" / "payload.json")

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from array_mutators import Arrays, damage_arrays
 from byte_mutators import damage_bytes, damage_text
+from folder_mutators import arrays_of_hdf5, declare, lists_of_parquet, of_file, of_folder
 from numpy.random import Generator
 from numpy.typing import NDArray
 from option_mutators import damage_options
@@ -281,6 +282,17 @@ def description(name: str, mutator: Callable[[str, Generator], bytes]) -> Kind:
     return Kind(commands, of_record(name, mutator))
 
 
+def servo(name: str, damage: Damage, *reading: str) -> Kind:
+    """Kind of a recording with commands and without torque."""
+    reading = ("--columns", "effort=", *reading)
+    commands = (("servo", "servo.xml", name, *reading, "--out", "new"), ("doctor", "servo.xml", name, *reading))
+    return Kind(commands, damage)
+
+
+FEW_POSES = ("--experiment", "poses", "--poses", "3", "--rest", "0.5")
+"""Options of the plan that is designed fastest."""
+
+
 KINDS: dict[str, Kind] = {
     "csv": recording("log.csv", of_text("log.csv")),
     "text": recording("log.txt", of_text("log.txt")),
@@ -336,6 +348,25 @@ KINDS: dict[str, Kind] = {
     ),
     "payload": Kind(
         (("payload", "payload/payload.json", "--to", "ur"),), of_record("payload/payload.json", damage_json)
+    ),
+    "mcap-sizes": recording("log.mcap", of_file("log.mcap", declare, declare, declare)),
+    "servo-csv": servo("servo.csv", of_text("servo.csv")),
+    "lerobot": servo("lerobot", of_folder("lerobot", lists_of_parquet), "--units", "rad"),
+    "aloha": servo("episode.hdf5", of_file("episode.hdf5", arrays_of_hdf5), "--rate", "50"),
+    "sage": servo("sage", of_folder("sage")),
+    "bag-folder": servo("bag", of_folder("bag")),
+    "servo-study": Kind((("servo", "servo.toml", "--out", "new"),), of_record("servo.toml", damage_toml)),
+    "servo-mjcf": Kind(
+        (
+            ("servo", "servo.xml", "servo.csv", "--out", "new"),
+            ("base", "servo.xml"),
+            ("preview", "servo.xml", "--out", "page.html"),
+        ),
+        of_record("servo.xml", damage_xml),
+    ),
+    "srdf": Kind(
+        (("excite", "small.urdf", "--srdf", "small.srdf", *FEW_POSES, "--out", "planned"),),
+        of_record("small.srdf", damage_xml),
     ),
     "options": Kind((("doctor", "small.urdf", "log.csv"), ("predict", "run", "log.csv")), options),
 }

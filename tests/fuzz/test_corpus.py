@@ -17,6 +17,8 @@ from armid.excitation.formats.sampled_motion import SampledMotion
 from armid.excitation.fourier import Excitation
 from labs import small_recording, write_arm, write_recording
 
+ARMS = Path(__file__).parents[1] / "contract" / "arms"
+
 PLAN = {"robot": "small", "base_frequency": 1.0, "a": [[0.1]] * 3, "b": [[0.1]] * 3, "offset": [0.0] * 3}
 
 Write = Callable[[Path], tuple[str, ...]]
@@ -126,6 +128,26 @@ def long_column_name(folder: Path) -> tuple[str, ...]:
     return examined("log.csv")
 
 
+def motion_of_other_joints(folder: Path) -> tuple[str, ...]:
+    plan = Excitation(1.0, np.ones((3, 1)), np.ones((3, 1)), np.zeros(3), "small")
+    names = ("joint_1", "joint_2", "joint_3")
+    text = FORMATS["ros2"].write(SampledMotion("small", names, (False,) * 3, plan.sample(20.0))).decode()
+    (folder / "plan.trajectory.yaml").write_text(text.replace('- "joint_2"', '- "joint_1"\n- "joint_2"'))
+    return "preview", "small.urdf", "plan.trajectory.yaml"
+
+
+def inertia_of_1e308(folder: Path) -> tuple[str, ...]:
+    text = (ARMS / "arm.mjcf").read_text().replace("0.03 0.04 0.02", "0.03 0.04 -1e308")
+    (folder / "arm.mjcf").write_text(text)
+    return "preview", "arm.mjcf", "--out", "page.html"
+
+
+def column_of_a_huge_number(folder: Path) -> tuple[str, ...]:
+    path = write_recording(small_recording(1), folder / "log.csv")
+    path.write_text(path.read_text().replace("tau2", f"tau{'1' * 400}", 1))
+    return examined("log.csv")
+
+
 CORPUS: dict[str, Write] = {
     "a list in place of fields": saved_with(lambda value: [value]),
     "a list in place of a mapping": saved_with(lambda value: {**value, "columns": [1]}),
@@ -144,9 +166,12 @@ CORPUS: dict[str, Write] = {
     "repetitions without end": plan_with(repetitions=10**12, lead_in=1e12),
     "a deep record": deep_plan,
     "a torn motion": torn_motion,
+    "a motion with a joint twice": motion_of_other_joints,
+    "an inertia of 1e308": inertia_of_1e308,
     "a deep description": deep_xacro,
     "a matrix that is nowhere": mat_without_a_target,
     "a long name of a column": long_column_name,
+    "a column of a huge number": column_of_a_huge_number,
     "a clock of nanoseconds": clock_of_nanoseconds,
 }
 """Inputs by what is wrong with them."""

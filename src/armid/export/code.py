@@ -18,6 +18,7 @@ from armid.codegen.generation import generate
 from armid.errors import OutputError
 from armid.estimation.estimate_record import torque_parameters
 from armid.export.sidecar import origin_line, refuse_overwriting
+from armid.hashes import sha256_of_file
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.equations_of_motion import bias_torque, slotine_li_regressor
@@ -95,6 +96,7 @@ def code_record(exported: CodeExported) -> dict[str, Any]:
     """Data that `armid export --json` prints for an export as source code."""
     return {
         "files": [str(path) for path in exported.files],
+        "sha256": [sha256_of_file(path) for path in exported.files],
         "format": exported.language,
         "operations": {name: dict(counts) for name, counts in exported.operations.items()},
         "checks": [{"name": c.name, "value": c.value, "bound": c.bound, "ok": c.ok} for c in exported.checks],

@@ -18,6 +18,7 @@ from armid.export.ros.catalogue import ROS_FILES
 from armid.export.sidecar import refuse_overwriting, side_record
 from armid.export.types import DescriptionSource
 from armid.export.verification import Prediction, verify, without_place
+from armid.hashes import sha256_of_file
 from armid.output.file_group import replace_files
 from armid.runs.run import Run
 from armid.study.storage.records import finding_record, to_json
@@ -109,6 +110,7 @@ def export_record(exported: Exported) -> dict[str, Any]:
     return {
         "file": str(exported.path),
         "files": [str(path) for path in exported.files or (exported.path,)],
+        "sha256": [sha256_of_file(path) for path in exported.files or (exported.path,)],
         "side": str(exported.side),
         "format": exported.format,
         "edited": exported.edited or None,

@@ -16,9 +16,9 @@ from armid.report.comparison import COMPARISON, pair_of
 from armid.report.data.page_data import PageData, gather, stored
 from armid.report.heading import Heading, heading_of_run
 from armid.report.page_file import write_html
-from armid.report.plots.encoding import embedded, packed_plotly
+from armid.report.plots.encoding import embedded, packed_plotly, unpacked
 from armid.report.plots.style import plot_record
-from armid.report.rendering import environment, require_extra, text_of
+from armid.report.rendering import environment, require_extra, security_policy, text_of
 from armid.report.section import Section
 from armid.report.sections import SECTIONS
 from armid.runs.run import Run
@@ -103,6 +103,7 @@ def assemble(
         with_plots: True if plotly.js is needed.
         heading: Facts and picture next to the title.
     """
+    script, plotly = text_of("unpack.js") + text_of("page.js"), packed_plotly() if with_plots else ""
     return (
         environment()
         .get_template("page.html")
@@ -113,9 +114,10 @@ def assemble(
             sections=sections,
             version=version("armid"),
             style=text_of("theme.css") + text_of("page.css"),
-            script=text_of("unpack.js") + text_of("page.js"),
+            script=script,
+            policy=security_policy(script, *([unpacked(plotly)] if plotly else [])),
             data=embedded(_data(sections.values())),
-            plotly=packed_plotly() if with_plots else "",
+            plotly=plotly,
         )
     )
 

@@ -1,13 +1,18 @@
-"""Search for the folders of ROS packages.
+"""Search for the folders of ROS packages, and the folders from which a description may read files.
 
 A description refers to meshes as package://NAME/… and to xacro files as $(find NAME)/…, but it does not contain the
 folder of the package NAME. This folder is searched in the folders that the user gives, in those above the
 description, and in those of ROS_PACKAGE_PATH and AMENT_PREFIX_PATH. ROS need not be installed.
+
+A description from a stranger must not name any file of the computer. It may name files of its own package, or of its
+folder and the one above, and of other packages; the limit `outside` of `armid.input_boundary` permits others. Links
+are followed, since tools of ROS install links to the files of a package.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import shlex
 from collections.abc import Iterable, Mapping
 from contextvars import ContextVar, Token
@@ -15,6 +20,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from armid.errors import RobotError
+from armid.input_boundary import limit
 
 REMEDY = "name the folder of the package with --package NAME=DIR, ROS_PACKAGE_PATH or AMENT_PREFIX_PATH"
 
@@ -22,11 +28,14 @@ SCHEMES = ("package://", "model://")
 """Beginnings of the names of files that lie in a package."""
 
 LEVELS = 3
-"""Number of folders in which missing files are searched: the folder of the description and those above it."""
+"""Number of folders in which files of unknown packages are searched: that of the description and those above it."""
 
 MOST_FOLDERS = 50
 """Largest number of subfolders of a folder that is searched; a folder with more subfolders is no part of a
 package."""
+
+NAME = re.compile(r"\w[\w.-]*")
+"""Pattern of the name of a package; a path is none."""
 
 _given: ContextVar[Mapping[str, str]] = ContextVar("_given", default=MappingProxyType({}))
 
@@ -55,6 +64,47 @@ def given_packages() -> Mapping[str, str]:
     return _given.get()
 
 
+def may_read(path: Path | str, source: str, packages: Iterable[Path | str] = ()) -> bool:
+    """Tests whether a description may read a file: one of its own folders, or of a package.
+
+    Args:
+        path: The file; links in it are not resolved.
+        source: Path of the description.
+        packages: Folders of further packages that were found for the description.
+    """
+    if limit("outside") > 0:
+        return True
+    homes = [_own_folder(Path(source).resolve().parent), _own_folder(Path(os.path.abspath(source)).parent)]
+    homes += [*map(Path, packages), *map(Path, _given.get().values())]
+    homes += [*_entries("ROS_PACKAGE_PATH"), *_entries("AMENT_PREFIX_PATH")]
+    place = Path(os.path.abspath(path))
+    return any(place.is_relative_to(os.path.abspath(home)) for home in homes)
+
+
+def refuse_outside(path: Path | str, source: str, packages: Iterable[Path | str] = ()) -> None:
+    """Raises an error if a description may not read a file; the arguments are those of `may_read`.
+
+    Raises:
+        RobotError: The file is outside of the folders of the description.
+    """
+    if not may_read(path, source, packages):
+        raise RobotError(
+            f"{source} names the file {path}, which is outside of its own folders and of known packages.",
+            possible="files in the package of the description, or in its folder and the one above; packages given by "
+            "--package NAME=DIR, ROS_PACKAGE_PATH or AMENT_PREFIX_PATH",
+            remedy="if you trust the description, allow such files with armid --allow outside=1, or copy the file.",
+        )
+
+
+def _own_folder(folder: Path) -> Path:
+    """Package of a description in a folder, or the folder above, unless it is the root or the user's home."""
+    for up in (folder, *folder.parents):
+        if any((up / name).is_file() for name in ("package.xml", "manifest.xml", "model.config")):
+            return up
+    above = folder.parent
+    return folder if above == above.parent or above in Path.home().parents or above == Path.home() else above
+
+
 def package_folders(name: str, source: str) -> list[Path]:
     """Existing folders that may contain a package, the most likely first.
 
@@ -62,9 +112,11 @@ def package_folders(name: str, source: str) -> list[Path]:
         name: Name of the package.
         source: Path of the description that refers to the package.
     """
+    if not NAME.fullmatch(name):
+        return []
     above = Path(source).resolve().parent
     found = [Path(_given.get()[name])] if name in _given.get() else []
-    found += [up if up.name == name else up / name for up in (above, *above.parents)]
+    found += [up if up.name == name else up / name for up in _above(above)]
     for entry in _entries("ROS_PACKAGE_PATH"):
         found += [entry] if entry.name == name else []
         found += [entry / name, *_below(entry, name)]
@@ -78,10 +130,12 @@ def file_of(name: str, inside: Path, source: str) -> str:
     If no folder with the name of the package contains the file, the folders above the description are searched for
     the path inside the package. This helps if only a folder of meshes was copied.
     """
+    if not NAME.fullmatch(name) or ".." in Path(os.path.normpath(inside)).parts:
+        return ""
     above = Path(source).resolve().parent
     places = [folder / inside for folder in package_folders(name, source)]
     places += [Path(_given.get()[name]) / tail for tail in _tails(inside)] if name in _given.get() else []
-    places += [up / inside for up in (above, *above.parents)]
+    places += [up / inside for up in _above(above)[:LEVELS]]
     return next((str(place) for place in places if place.is_file()), "")
 
 
@@ -116,8 +170,13 @@ def split_reference(reference: str) -> tuple[str, Path] | None:
     for scheme in SCHEMES:
         if reference.startswith(scheme):
             package, _, inside = reference.removeprefix(scheme).partition("/")
-            return package, Path(inside)
+            return package, Path(inside.lstrip("/"))
     return None
+
+
+def _above(folder: Path) -> list[Path]:
+    """A folder and those above it, without the root, below which every file of the computer lies."""
+    return [up for up in (folder, *folder.parents) if up != up.parent]
 
 
 def _tails(inside: Path) -> list[Path]:

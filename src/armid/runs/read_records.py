@@ -71,7 +71,7 @@ def read_records(run: Run) -> RunRecords:
     with boundary("records of a run of this version of armid", run.folder, remedy="identify again."):
         return RunRecords(
             _study(study),
-            _validation(validation),
+            _of_joints(_validation(validation), run.robot.n),
             None if friction is None else _selection(friction),
             None if methods is None else _methods(methods),
         )
@@ -163,6 +163,29 @@ def _validation(record: Mapping[str, Any]) -> Validation:
     return Validation(
         tuple(record["joints"]), scores, str(record["verdict"]), checks, _left_out(record.get("left_out"))
     )
+
+
+def _of_joints(validation: Validation, n: int) -> Validation:
+    """The validation, after a check that it has one value for each of n joints.
+
+    Raises:
+        ValueError: A list has another length.
+    """
+    lists = {"joints": validation.joints}
+    for score in validation.recordings:
+        lists |= {name: getattr(score, name) for name in OF_JOINTS}
+        lists |= {"offset": score.offset} if len(score.offset) else {}
+    if (left := validation.left_out) is not None:
+        lists |= {"left_out.rms": left.rms, "left_out.description_rms": left.description}
+        lists |= {f"expected.{name}": getattr(left.expected, name) for name in ("rms", "low", "high")}
+    for name, values in lists.items():
+        if values is not None and len(values) != n:
+            raise ValueError(f"{name} has {len(values)} values for {n} joints")
+    return validation
+
+
+OF_JOINTS = ("rms", "rms_raw", "spread", "peak", "coverage95", "prior_rms", "share")
+"""Values of a score that have one entry for each joint."""
 
 
 def _left_out(record: Mapping[str, Any] | None) -> LeftOutError | None:

@@ -206,10 +206,21 @@ def load_run(folder: Path | str) -> Run:
             estimate,
             ProcessingOptions(**kept["processing"]),
             LogFormat(**kept["reading"]),
-            tuple(kept["trained_on"]),
+            tuple(_digest(each) for each in kept["trained_on"]),
             _verdict(folder),
             origin_of(kept),
         )
+
+
+def _digest(value: Any) -> str:
+    """Digest from a record.
+
+    Raises:
+        TypeError: The value is not a string.
+    """
+    if not isinstance(value, str):
+        raise TypeError(f"a digest must be a string; found {value!r:.40}")
+    return value
 
 
 def _check_archives(folder: Path, kept: Mapping[str, Any]) -> None:

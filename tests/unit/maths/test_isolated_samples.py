@@ -100,3 +100,21 @@ def test_outliers_in_a_share_of_the_samples_do_not_hide_each_other(share: float)
     bad[rng.choice(np.arange(5, 5995, 8), round(share * len(time)), replace=False)] = True
     found = isolated_samples(np.where(bad, 999.0, clean)[:, None], 1e-3)[:, 0]
     assert found[bad].all() and not found[~bad].any()
+
+
+def test_a_lost_sample_is_found_at_any_rate():
+    """At 100 Hz a peak of one sample may be motion; a zero between two loads is none."""
+    t = 0.01 * np.arange(800)
+    load = -6.0 + 2.0 * np.sin(2.0 * t) + np.sign(np.cos(3.0 * t))
+    lost, peak = load.copy(), load.copy()
+    row = int(np.argmin(np.abs(t - 4.6)))
+    lost[row], peak[row] = 0.0, load[row] + 0.4
+    assert np.flatnonzero(isolated_samples(np.column_stack([lost]), 0.01)[:, 0]).tolist() == [row]
+    assert not isolated_samples(np.column_stack([load, peak]), 0.01).any()
+
+
+def test_zeros_of_a_motor_that_is_switched_off_and_crossings_of_zero_are_not_lost():
+    t = 0.01 * np.arange(800)
+    crossing = np.round(3.0 * np.sin(2.0 * t) + np.sign(np.cos(3.0 * t)), 1)
+    off = np.where((t > 2.0) & (t < 4.0), 0.0, crossing)
+    assert not isolated_samples(np.column_stack([crossing, off]), 0.01).any()

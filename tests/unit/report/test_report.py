@@ -297,6 +297,17 @@ def test_a_damaged_record_is_refused(run: Run, tmp_path: Path):
         gather(changed)
 
 
+def test_a_record_without_a_value_for_each_joint_is_refused(run: Run, tmp_path: Path):
+    changed = moved(run, tmp_path)
+    path = tmp_path / "run" / "validation.json"
+    record = json.loads(path.read_text())
+    for name in ("share", "peak", "prior_rms"):
+        kept = record["recordings"][0][name]
+        path.write_text(json.dumps({**record, "recordings": [{**record["recordings"][0], name: kept[:-1]}]}))
+        with pytest.raises(ArmidError, match=f"{name} has 2 values for 3 joints"):
+            gather(changed)
+
+
 def test_without_the_extra_the_error_names_it(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(rendering, "find_spec", lambda name: None)
     with pytest.raises(MissingExtraError) as caught:

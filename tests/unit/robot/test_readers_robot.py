@@ -443,7 +443,7 @@ def test_includes_are_resolved_and_count_for_the_digest(tmp_path):
     (tmp_path / "arm.xml").write_text(mjcf_xml(PAIR.replace('mass="2"', 'mass="3"')))
     assert load_robot(tmp_path / "scene.xml").sha256 != one.sha256
     (tmp_path / "arm.xml").unlink()
-    with pytest.raises(RobotError, match=r"includes .*arm.xml, which cannot be read"):
+    with pytest.raises(RobotError, match=r"arm.xml cannot be read as a part of"):
         load_robot(tmp_path / "scene.xml")
     (tmp_path / "arm.xml").write_text('<mujoco><include file="arm.xml"/></mujoco>')
     with pytest.raises(RobotError, match="more than once"):

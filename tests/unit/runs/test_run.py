@@ -249,6 +249,14 @@ def test_a_damaged_run_is_refused(result: Result, tmp_path: Path, name: str, dam
         load_run(tmp_path / "run")
 
 
+@pytest.mark.parametrize("digest", [["1f"], 3, None])
+def test_a_digest_that_is_no_text_is_refused(result: Result, tmp_path: Path, digest: object):
+    path = save_run(result, tmp_path / "run") / "model.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "trained_on": [digest]}))
+    with pytest.raises(ArmidError, match="digest must be a string"):
+        load_run(tmp_path / "run")
+
+
 def test_a_run_of_a_version_with_other_fields_is_refused(result: Result, tmp_path: Path):
     path = save_run(result, tmp_path / "run") / "estimate.npz"
     with np.load(path) as archive:

@@ -37,6 +37,13 @@ class SampledMotion:
     motion: Motion
     plan: str = ""
 
+    def __post_init__(self) -> None:
+        if len(self.joints) != self.motion.n or len(set(self.joints)) != len(self.joints):
+            raise ArmidError(
+                f"A motion of {self.motion.n} joints must name each of them once; found {', '.join(self.joints)}.",
+                remedy="correct the names of the joints in the file, or write it again with armid excite.",
+            )
+
     @property
     def step(self) -> float:
         """Time from one sample to the next [s]."""

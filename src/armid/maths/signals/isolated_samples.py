@@ -48,6 +48,11 @@ BRIEF = 2.5e-3
 abruptly, the torque has a peak of 10 ms: one sample at 100 Hz. In a recording of a UR10e, the height of such a peak
 is 20 times the quantile; this rule requires 60 times."""
 
+LOST, USUAL_LOST, LOCAL_LOST = 1e-12, 5.0, 10.0
+"""Largest absolute value, relative to that of the channel, of a sample that counts as zero; and smallest height of an
+isolated run of zeros, divided by the same quantile, for any duration, and by the local median. Such a run is a lost
+sample and not a peak of the motion, which would not end at zero."""
+
 RETURNS = 3.0
 """Smallest height of an isolated run, divided by the difference between the medians on its two sides. When an arm
 stops, its velocity overshoots by 1 to 2 times this difference."""
@@ -142,16 +147,19 @@ def _mark_isolated(x: Array, seconds: float, found: NDArray[np.bool_]) -> None:
     usual = _usual_height(x, steps > 0.0)
     if usual == 0.0:
         return
+    zero = np.abs(x) <= LOST * np.abs(x).max()
     for length in range(1, LONGEST + 1):
         height, difference = heights(x, length)
-        least = USUAL * max(1.0, length * seconds / BRIEF) * usual
+        lost = np.asarray(np.lib.stride_tricks.sliding_window_view(zero, length).all(axis=-1), dtype=np.bool_)
+        least = np.where(lost, USUAL_LOST, USUAL * max(1.0, length * seconds / BRIEF)) * usual
         candidates = np.flatnonzero(height > np.maximum(least, RETURNS * difference))
         away = np.concatenate([np.arange(-WINDOW, 1 - SIDE), np.arange(SIDE - 1, WINDOW) + length])
         rows = np.abs(candidates[:, None] + away)  # mirrored at the ends
         near = np.sort(steps[len(steps) - 1 - np.abs(len(steps) - 1 - rows)], axis=1)
         local = np.maximum(near[:, len(away) // 2], resolution / 2)
         starts = np.zeros(len(height), dtype=np.bool_)
-        starts[candidates[height[candidates] > LOCAL * local]] = True
+        least_local = np.where(lost[candidates], LOCAL_LOST, LOCAL) * local
+        starts[candidates[height[candidates] > least_local]] = True
         marked(starts, length, found)
 
 

@@ -84,7 +84,8 @@ def expand(
         expected = range(first, first + len(numbered))
         if sorted(numbered) != list(expected):
             found = ", ".join(numbered[i] for i in sorted(numbered))
-            gaps = {i - first: f"{before}{i}{after}" for i in range(first, max(numbered)) if i not in numbered}
+            last = min(max(numbered), first + 2 * len(numbered))  # a number can have any number of digits
+            gaps = {i - first: f"{before}{i}{after}" for i in range(first, last) if i not in numbered}
             missing = f"; missing: {with_joints(gaps, joints)}" if len(gaps) < len(numbered) else ""
             raise RecordingError(
                 f"{path}: the numbers of the columns {pattern!r} must start at {first} and have no gap; found "

@@ -51,6 +51,7 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
         file.visititems(collect)
 
         def column(name: str) -> Array:
+            refuse_other_files(file[name], file, path)
             within_unpacked(sizes[name], path, RecordingError)
             return numeric(np.asarray(file[name]), name, path)
 
@@ -59,3 +60,23 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
             log_format = replace(log_format, columns={"effort": "", **known, **log_format.columns})
         selection = select(list(sizes), log_format, path, robot, matrices=True, values=column)
         return assemble(selection, column, log_format, path)
+
+
+def refuse_other_files(item: Any, file: Any, path: Path) -> None:
+    """Raises an error if the content of a data set or group is not in its own file.
+
+    HDF5 can link to other files, and declare any part of any file to be the numbers of a data set.
+
+    Args:
+        item: Data set or group of h5py.
+        file: The open file.
+        path: Path of the file, for the message.
+
+    Raises:
+        RecordingError: The content is in another file.
+    """
+    if item.file.filename != file.filename or getattr(item, "external", None) or getattr(item, "is_virtual", False):
+        raise RecordingError(
+            f"{path}: the content of {item.name} is in another file, which armid does not open.",
+            remedy="copy the data into one file, for instance with h5repack.",
+        )

@@ -14,6 +14,7 @@ from armid.errors import MissingExtraError, RecordingError
 from armid.input_boundary import within_unpacked
 from armid.measurement.columns.column_selection import Selection, assemble, numeric, select
 from armid.measurement.log_format import LogFormat
+from armid.measurement.readers.hdf5 import refuse_other_files
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 
@@ -73,11 +74,18 @@ def _read_v73(path: Path, log_format: LogFormat, robot: Robot | None) -> Recordi
     except ImportError as error:
         raise MissingExtraError("h5py", "Reading MATLAB files of version 7.3", EXTRA) from error
     with h5py.File(path, "r") as file:
+        for name in file:
+            if isinstance(file.get(name, getlink=True), h5py.ExternalLink):
+                raise RecordingError(
+                    f"{path}: {name} is a link to another file, which armid does not open.",
+                    remedy="copy the data into one file, for instance by saving it in MATLAB again.",
+                )
         classes = {name: _class_v73(item) for name, item in file.items() if not name.startswith("#")}
 
         def matrix(name: str) -> NDArray[Any]:
             _refuse_objects({name: classes[name]}, path)
             item: Any = file[name]
+            refuse_other_files(item, file, path)
             within_unpacked(float(item.size) * item.dtype.itemsize, path, RecordingError)
             return np.asarray(item)
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armid.errors import ArmidError
 from armid.excitation.collision.cache import read_entry, write_entry
 
 
@@ -28,14 +29,34 @@ def packed(values: ArrayLike, kind: str = "f4") -> dict[str, str]:
 
 
 def embedded(record: Mapping[str, Any]) -> str:
-    """JSON text for a script element of HTML; characters that could end the element are escaped."""
-    text = json.dumps(record, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    """JSON text for a script element of HTML; characters that could end the element are escaped.
+
+    Raises:
+        ArmidError: A number is not finite.
+    """
+    try:
+        text = json.dumps(record, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    except ValueError as error:
+        raise ArmidError(
+            "The page cannot be written, because a number on it is not finite.",
+            remedy="look for numbers beyond 1e100 in the description and in the files given, and correct them.",
+        ) from error
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+def literal(text: str) -> str:
+    """Text that plotly shows as it is: without elements of HTML, links and inserted values."""
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace("%{", "%&#123;")
 
 
 def compressed(text: str) -> str:
     """Compresses a script and encodes it in base 64; equal scripts give equal texts."""
     return base64.b64encode(_gzipped(text)).decode()
+
+
+def unpacked(text: str) -> str:
+    """Script that `compressed` encoded."""
+    return gzip.decompress(base64.b64decode(text)).decode()
 
 
 def packed_plotly() -> str:

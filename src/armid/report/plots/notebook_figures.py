@@ -29,6 +29,7 @@ from armid.model.terms import RigidBody
 from armid.report.data.joint_names import heading_of, residual_title
 from armid.report.data.page_data import PageData, with_recordings
 from armid.report.planned_motion import motion_section
+from armid.report.plots.encoding import literal
 from armid.report.plots.plot_specification import Plot
 from armid.report.plots.style import Theme, axes_of, colours, levels_of, resolved, trace_style
 from armid.report.rendering import require_extra
@@ -245,8 +246,8 @@ def _titles(placed: Sequence[tuple[int, int, str, Plot]], lines: int, columns: i
     """Titles of the places of a figure, row by row; the title of a place without a plot is empty."""
     titles = [""] * (lines * columns)
     for row, column, heading, plot in placed:
-        above = f"<b>{heading}</b><br>" if heading else ""
-        titles[(row - 1) * columns + column - 1] = f"{above}{plot.title}"
+        above = f"<b>{literal(heading)}</b><br>" if heading else ""
+        titles[(row - 1) * columns + column - 1] = f"{above}{literal(plot.title)}"
     return titles
 
 

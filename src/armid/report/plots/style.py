@@ -12,7 +12,7 @@ from typing import Any, Literal, get_args
 
 from armid.checked_array import Array
 from armid.errors import ArmidError, did_you_mean
-from armid.report.plots.encoding import packed
+from armid.report.plots.encoding import literal, packed
 from armid.report.plots.plot_specification import Plot, PlotTrace
 from armid.report.rendering import text_of
 
@@ -88,8 +88,8 @@ def trace_style(trace: PlotTrace, numbers: Callable[[Array], Any]) -> dict[str, 
         "type": "scatter",
         "x": numbers(trace.x),
         "y": numbers(trace.y),
-        "name": trace.name,
-        "hovertemplate": "%{y:.4g} at %{x:.4g}<extra>" + trace.name + "</extra>",
+        "name": literal(trace.name),
+        "hovertemplate": "%{y:.4g} at %{x:.4g}<extra>" + literal(trace.name) + "</extra>",
     }
     if trace.role == "band":
         del record["hovertemplate"]

@@ -59,10 +59,13 @@ def ellipsoid_of(vector: Array) -> tuple[Array, Array] | None:
         Half axes, shape (3,) [m], and their directions, the columns of a matrix (3, 3); `None` if no body can have
         this inertia.
     """
-    mass, _, about = vector_to_com_inertia(vector)
-    inertia, turn = np.linalg.eigh(about)
-    squares = 2.5 / mass * (inertia.sum() - 2.0 * inertia)
-    if not mass > 0.0 or (squares < -1e-9 * abs(squares).max()).any():
+    with np.errstate(over="ignore", invalid="ignore"):
+        mass, _, about = vector_to_com_inertia(vector)
+        if not mass > 0.0 or not np.isfinite(about).all():
+            return None
+        inertia, turn = np.linalg.eigh(about)
+        squares = 2.5 / mass * (inertia.sum() - 2.0 * inertia)
+    if not np.isfinite(squares).all() or (squares < -1e-9 * abs(squares).max()).any():
         return None
     if np.linalg.det(turn) < 0.0:
         turn[:, 0] *= -1.0

@@ -22,7 +22,7 @@ from armid.report.preview.animation_frames import Clip
 from armid.report.preview.inertia_ellipsoids import MassLayer
 from armid.report.preview.nearest_bodies import NearestBodies, closest
 from armid.report.preview.scene import bodies_of, joint_records, open_side, reach_of, surroundings_of
-from armid.report.rendering import environment, require_extra, text_of
+from armid.report.rendering import environment, require_extra, security_policy, text_of
 from armid.robot.kinematics import forward_kinematics, frame_pose
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
@@ -77,6 +77,8 @@ def _page(preview: Preview) -> tuple[str, tuple[Finding, ...]]:
     approach = None if preview.collision is None else closest(robot, clip, preview.collision)
     record, missing = _scene(preview, approach)
     subtitle = clip.title + (f", {clip.time[-1]:.1f} s" if len(clip.time) > 1 else "")
+    script = text_of("unpack.js") + text_of("preview/view.js") + text_of("preview/preview.js")
+    three = (files("armid.report") / "vendor" / "three.min.js").read_text(encoding="utf-8")
     html = (
         environment()
         .get_template("preview/preview.html")
@@ -95,9 +97,10 @@ def _page(preview: Preview) -> tuple[str, tuple[Finding, ...]]:
             skeleton=skeleton(robot, clip.q[:: max(1, len(clip.q) // POSES)]),
             version=version("armid"),
             style=text_of("theme.css") + text_of("preview/preview.css"),
-            script=text_of("unpack.js") + text_of("preview/view.js") + text_of("preview/preview.js"),
+            script=script,
+            policy=security_policy(script, three),
             data=embedded(record),
-            three=compressed((files("armid.report") / "vendor" / "three.min.js").read_text(encoding="utf-8")),
+            three=compressed(three),
         )
     )
     return html, missing

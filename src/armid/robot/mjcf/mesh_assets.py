@@ -15,6 +15,7 @@ from armid.maths.rotations import homogeneous
 from armid.robot.mjcf.mesh_reading import Faces, UncomputableError, read_mesh
 from armid.robot.mjcf.poses import rotation_of_quaternion
 from armid.robot.mjcf.settings import Settings
+from armid.robot.packages import may_read
 from armid.robot.xml import numbers
 
 MODES = ("convex", "exact", "legacy", "shell")
@@ -78,7 +79,7 @@ class MeshAssets:
         found: dict[str, tuple[str, Array, Array]] = {}
         for name, mesh in self.elements.items():
             path = self.path(mesh)
-            if path is None or not path.is_file():
+            if path is None or not may_read(path, self.source) or not path.is_file():
                 continue
             position, turned = self._reference(mesh)
             for turn, scale in _as_turn_of_scaled(self._scale(mesh), turned):
@@ -94,6 +95,8 @@ class MeshAssets:
             if path is None:
                 given = [key for key in ("vertex", "builtin") if key in mesh.attrib]
                 found[name] = f"which is given by {given[0]} and not by a file" if given else "which has no file"
+            elif not may_read(path, self.source):
+                found[name] = "whose file is outside of the folders of the description (armid --allow outside=1)"
             elif name not in usable and path.is_file():
                 found[name] = "which is scaled along other axes than those of its file"
         return found
@@ -130,6 +133,8 @@ class MeshAssets:
         """Vertices (V, 3) [m] of a mesh in the frame of its geom, and triangles (F, 3)."""
         path = self.path(mesh)
         if path is not None:
+            if not may_read(path, self.source):
+                raise UncomputableError(f"the file of {_named(mesh)} is outside of the folders of the description")
             kind = mesh.get("content_type", "")
             vertices, faces = read_mesh(path, f".{kind.rpartition('/')[2]}" if kind else path.suffix)
         elif "vertex" in mesh.attrib:

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from armid.checked_array import Array
 from armid.errors import Finding, RobotError
+from armid.input_boundary import read_text
 from armid.robot.described_drive import DescribedDrive, drive_of, negative_drive
 from armid.robot.described_limits import DescribedLimits, limits_of
 from armid.robot.mjcf.force_limits import actuator_efforts, range_in_effect
@@ -28,6 +29,7 @@ from armid.robot.mjcf.position_servos import with_position_servos
 from armid.robot.mjcf.settings import ORIENTATIONS, Settings, settings_of
 from armid.robot.mjcf.stated_inertia import inertial_of, plain_inertial, stated_inertia
 from armid.robot.mjcf.unmodelled import ignored_parts, ignored_settings
+from armid.robot.packages import refuse_outside
 from armid.robot.robot import EARTH_GRAVITY
 from armid.robot.xml import floating, identity_only, numbers, parse_xml
 
@@ -104,13 +106,9 @@ def flatten(root: ET.Element, source: str) -> ET.Element:
             if path in seen:
                 raise RobotError(f"{source} includes {path} more than once.", remedy="include each file only once.")
             seen.add(path)
-            try:
-                included = parse_xml(path.read_text(encoding="utf-8"), str(path))
-            except (OSError, UnicodeDecodeError) as error:
-                raise RobotError(
-                    f"{source} includes {path}, which cannot be read ({error}).",
-                    remedy="put the file at the included path, or merge the files into one.",
-                ) from error
+            refuse_outside(path, source)
+            remedy = "put the file at the included path, or merge the files into one."
+            included = parse_xml(read_text(path, f"a part of {source}", RobotError, remedy=remedy), str(path))
             expand(included)
             element[index : index + 1] = list(included)
 

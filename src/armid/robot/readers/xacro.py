@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from armid.errors import MissingExtraError, RobotError
-from armid.input_boundary import reason
+from armid.input_boundary import read_text, reason
 from armid.robot.joint_selection import JointOutline
-from armid.robot.packages import REMEDY, given_packages, package_folders
+from armid.robot.packages import REMEDY, given_packages, package_folders, refuse_outside
 from armid.robot.readers import urdf
 from armid.robot.robot import Robot
 from armid.robot.urdf.xacro_expression import evaluate
@@ -77,6 +77,7 @@ def expand(text: str, source: str) -> str:
     xacrodoc.packages.walk_up_from(source)
     xacro.safe_eval = evaluate
     counted = _count_calls(xacro)
+    _contain(xacro, source, xacrodoc.packages)
     setattr(substitution_args, "_eval", _evaluate_argument)  # noqa: B010 - it is private
     xacrodoc.packages.update_package_cache(dict(given_packages()))
     asked: set[str] = set()
@@ -118,6 +119,34 @@ def _count_calls(xacro: Any) -> list[None]:
     vars(handle_macro_call)["plain"] = plain
     xacro.handle_macro_call = handle_macro_call
     return calls
+
+
+def _contain(xacro: Any, source: str, packages: Any) -> None:
+    """Lets xacro read only files that the description may read, and refuse document types in them.
+
+    Args:
+        xacro: The module; two of its functions are replaced.
+        source: Path of the description.
+        packages: Module of xacrodoc with the folders of the packages that were found.
+    """
+    plain = [getattr(each, "plain", each) for each in (xacro.abs_filename_spec, xacro.parse)]
+
+    def abs_filename_spec(name: str) -> str:
+        path = str(plain[0](name))
+        refuse_outside(path, source, packages._finder.package_cache.values())
+        return path
+
+    def parse(given: Any, filename: str | None = None) -> Any:
+        if given is None and filename is not None:
+            path = Path(str(xacro.root_dir or ""), filename)
+            if path.exists():
+                given = read_text(path, f"a part of {source}", RobotError)
+                parse_xml(given, str(path))
+        return plain[1](given, filename)
+
+    for each, own in zip(plain, (abs_filename_spec, parse), strict=True):
+        vars(own)["plain"] = each
+        setattr(xacro, own.__name__, own)
 
 
 def _evaluate_argument(text: str, context: dict[str, Any]) -> str:

@@ -15,7 +15,7 @@ from armid.checked_array import Array
 from armid.errors import Finding, RobotError
 from armid.maths.rotations import axis_rotation, homogeneous
 from armid.robot.collision_body_names import BodyName
-from armid.robot.packages import file_of, option_for, split_reference
+from armid.robot.packages import file_of, may_read, option_for, split_reference
 from armid.robot.robot import Robot
 from armid.robot.shapes import Kind, Shape, looks_missing, meshes_missing, shapes_unknown
 from armid.robot.urdf.tree import axis_of, pose_of
@@ -123,9 +123,9 @@ def geometry_of(shape: ET.Element, source: str, where: str) -> tuple[Kind, Array
 
 
 def _mesh_path(filename: str, source: str) -> str:
-    """Path of the file of a mesh that a URDF names; empty if the file is not found."""
+    """Path of the file of a mesh that a URDF names; empty if the file is not found or may not be read."""
     folder = Path(source).resolve().parent
     if (reference := split_reference(filename)) is not None:
         return file_of(*reference, source)
     place = folder / filename.removeprefix("file://")
-    return str(place) if place.is_file() else ""
+    return str(place) if may_read(place, source) and place.is_file() else ""
