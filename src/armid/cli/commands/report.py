@@ -27,7 +27,7 @@ NoReport = Annotated[bool, typer.Option("--no-report", help=f"Do not write {PAGE
 
 
 def report(
-    run: Annotated[str, typer.Argument(metavar="RUN", help="Folder that armid identify made.")],
+    run: Annotated[str, typer.Argument(metavar="RUN", help="Folder that armid identify or armid servo made.")],
     other: Annotated[
         str | None, typer.Argument(metavar="[RUN]", help="A later run of the same arm; the page shows the changes.")
     ] = None,
@@ -46,16 +46,21 @@ def report(
         armid report runs/last_year runs/today --out change.html
     """
     from armid.cli.console import print_findings
+    from armid.cli.servos.servo_folder import report_servo
     from armid.errors import Finding
     from armid.report.data.page_data import gather
     from armid.report.page import write_comparison
     from armid.report.page import write_page as write_one
     from armid.report.rendering import require_extra
     from armid.runs.run import load_run
+    from armid.runs.servos.stored_servo import is_servo_folder
     from armid.study.storage.records import to_json
 
     require_extra()
     claim_run(other or run, out)
+    if other is None and is_servo_folder(run):
+        report_servo(run, out, data, json=json)
+        return
     first = load_run(run)
     missing: tuple[str, ...] = ()
     if other is None:

@@ -64,7 +64,7 @@ Page = Annotated[
 
 
 def validate(
-    run: Annotated[str, typer.Argument(help="Folder that armid identify made.")],
+    run: Annotated[str, typer.Argument(help="Folder that armid identify or armid servo made.")],
     recordings: Annotated[list[str], typer.Argument(metavar="RECORDING…", help="Recordings of the same arm.")],
     rate: Rate = None,
     torque_sign: TorqueSign = None,
@@ -92,12 +92,26 @@ def validate(
     """
     from armid.cli.commands.validate_rollout import check_files, roll_out, write_files
     from armid.cli.console import print_findings
+    from armid.cli.servos.servo_folder import validate_servo_folder
+    from armid.errors import ArmidError
+    from armid.measurement.log_format import LogFormat
     from armid.runs.rollout import judged_by_motion, motion_record
     from armid.runs.run import load_run, with_edges
+    from armid.runs.servos.stored_servo import is_servo_folder
     from armid.runs.validation_and_prediction import validate_run
     from armid.study.plausibility.recording_errors import contradictions
     from armid.study.storage.records import to_json, validation_record
 
+    if is_servo_folder(run):
+        if simulate or controller is not None or out is not None:
+            raise ArmidError(
+                f"{run} is a result of armid servo, which is always validated by simulated motion.",
+                remedy="leave out --simulate, --controller and --out; --page FILE.html plots the motion.",
+            )
+        changes = changed_reading(LogFormat(), rate, torque_sign, columns, reading_lines, period, preset)
+        if not validate_servo_folder(run, recordings, changes, page, json=json):
+            raise typer.Exit(1)
+        return
     loaded = with_edges(load_run(run), edges)
     reading = changed_reading(loaded.log_format, rate, torque_sign, columns, reading_lines, period, preset)
     check_files(out, page)

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from armid.robot import Robot
     from armid.robot.shapes import Shape
     from armid.runs.run import Run
+    from armid.runs.servos.stored_servo import StoredServo
+    from armid.study.config import RobotChoice
 
 PAGE = "preview.html"
 
@@ -28,7 +30,9 @@ SKELETON = "; it draws the joint axes and the lines between them, because bodies
 ArmOrRun = Annotated[
     str,
     typer.Argument(
-        metavar="ROBOT | RUN", help="The arm, or a folder that armid identify made.", autocompletion=known_arms
+        metavar="ROBOT | RUN",
+        help="The arm, or a folder that armid identify or armid servo made.",
+        autocompletion=known_arms,
     ),
 ]
 
@@ -70,24 +74,24 @@ def preview(
         armid preview arm.urdf runs/today
     """
     from armid.cli.console import print_missing_meshes
-    from armid.report.preview.make_preview import preview_of
+    from armid.report.preview.make_preview import preview_of, servo_layer
     from armid.report.preview.page import write_preview
     from armid.report.rendering import require_extra
-    from armid.study.config import load_choice
 
     require_extra("jinja2")
-    run, motion_run = _run(robot), _run(motion)
+    run, motion_run, servo = _run(robot), _run(motion), _servo(robot)
     choice = robot_choice(robot, gravity, lock, only, tip, package)
-    arm = load_choice(choice) if run is None else _with_meshes(run) if package else run.robot
-    known_run, default_folder = motion_run or run, Path(robot) if run and motion is None else Path()
+    arm = _arm(choice, run, servo, with_meshes=bool(package))
+    own = run or servo
+    known_run, default_folder = motion_run or run, Path(robot) if own and motion is None else Path()
     with print_missing_meshes(quiet=json):
         made = preview_of(
             arm,
-            motion_run or motion or run,
+            motion_run or motion or own,
             reading=_reading(known_run, given(columns, rate)),
             data=data,
             surroundings=_surroundings(arm, floor, environment),
-            estimate=_estimate(known_run, arm),
+            estimate=_estimate(known_run, arm) if servo is None else servo_layer(servo),
         )
         path, missing = write_preview(made, out or default_folder / PAGE)
     _report(path, missing, json=json)
@@ -109,6 +113,22 @@ def _run(name: str | None) -> Run | None:
     from armid.runs.run import MARKER, load_run
 
     return load_run(name) if name is not None and (Path(name) / MARKER).is_file() else None
+
+
+def _servo(name: str) -> StoredServo | None:
+    """Servo result in a folder; `None` if the folder contains none."""
+    from armid.runs.servos.stored_servo import is_servo_folder, load_servo
+
+    return load_servo(name) if is_servo_folder(name) else None
+
+
+def _arm(choice: RobotChoice, run: Run | None, servo: StoredServo | None, *, with_meshes: bool) -> Robot:
+    """Arm of the run or of the servo result if there is one, otherwise that of the description."""
+    from armid.study.config import load_choice
+
+    if servo is not None:
+        return servo.robot
+    return load_choice(choice) if run is None else _with_meshes(run) if with_meshes else run.robot
 
 
 def _with_meshes(run: Run) -> Robot:

@@ -21,6 +21,7 @@ from armid.robot.shapes import Shape
 from armid.runs.locate_recording import read_recording_of
 from armid.runs.read_records import read_records, trained_and_validated
 from armid.runs.run import Run
+from armid.runs.servos.stored_servo import StoredServo, read_servo_recordings
 from armid.study.config import RecordingChoice
 from armid.study.plans.design_result import Designed
 from armid.study.plans.plan_reading import is_plan, limits_of_plan, motion_of_plan, read_whole_plan
@@ -30,7 +31,7 @@ from armid.study.recordings.reading import read_choice
 
 def preview_of(
     robot: Robot,
-    motion: str | Run | None,
+    motion: str | Run | StoredServo | None,
     *,
     reading: LogFormat | None = None,
     data: Path | str | None = None,
@@ -41,8 +42,8 @@ def preview_of(
 
     Args:
         robot: The arm.
-        motion: A plan, the folder of a plan, a recording, or a run; for a run, a validation recording is shown. With
-            `None` the arm is at rest.
+        motion: A plan, the folder of a plan, a recording, or a run or servo result, of which a validation recording
+            is shown. With `None` the arm is at rest.
         reading: Log format of a recording.
         data: Folder that is searched first for a run's recordings.
         surroundings: Fixed bodies, in addition to those of a plan.
@@ -56,6 +57,8 @@ def preview_of(
         clip = still(_rest(robot), "standing")
     elif isinstance(motion, Run):
         clip = _of_run(motion, data)
+    elif isinstance(motion, StoredServo):
+        clip = _of_servo(motion, data)
     elif is_plan(motion):
         plan, known = read_whole_plan(motion)
         clip, around = clip_of_plan(plan, motion), (*around, *known)
@@ -100,6 +103,11 @@ def estimate_layer(theta: Array, run: Run, note: str = "") -> MassLayer:
     return MassLayer("estimate", theta[columns].reshape(-1, 10), note)
 
 
+def servo_layer(stored: StoredServo) -> MassLayer:
+    """Layer of the link inertias of a servo result."""
+    return MassLayer("estimate", stored.parameters.inertial)
+
+
 def _of_file(path: str, robot: Robot, reading: LogFormat) -> Clip:
     """Clip of the motion in a file: a motion in the format of a controller, or a recording."""
     motion = motion_of_plan(path, robot, 1000.0)
@@ -124,8 +132,28 @@ def _of_run(run: Run, data: Path | str | None) -> Clip:
             missing.append(error.problem)
             continue
         return clip_of_recording(recording, f"{Path(choice.path).name} of {run.folder}")
-    raise ArmidError(
-        f"None of the recordings of {run.folder} can be read: {' '.join(missing)}",
+    raise _unreadable(run.folder, missing)
+
+
+def _of_servo(stored: StoredServo, data: Path | str | None) -> Clip:
+    """Clip of the first readable recording of a servo result, validation before training.
+
+    Raises:
+        ArmidError: No recording can be read.
+    """
+    missing: list[str] = []
+    for role in ("validate", "train"):
+        recordings, absent = read_servo_recordings(stored, role, data)
+        if recordings:
+            return clip_of_recording(recordings[0], f"{Path(recordings[0].source).name} of {stored.folder}")
+        missing += absent
+    raise _unreadable(stored.folder, missing)
+
+
+def _unreadable(folder: str, missing: Sequence[str]) -> ArmidError:
+    """Error about a folder none of whose recordings can be read."""
+    return ArmidError(
+        f"None of the recordings of {folder} can be read: {' '.join(missing)}",
         remedy="give the folder of the recordings with --data, or give a plan or recording to show.",
     )
 
