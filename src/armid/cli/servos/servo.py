@@ -81,7 +81,7 @@ def servo(
     stored = stored_servo_of(result, folder)
     delivery = delivered(stored, result.validation or result.training)
     stored = replace(stored, findings=(*stored.findings, *delivery.findings))
-    save_servo(result, stored, delivery.files)
+    save_servo(result, stored, delivery.files, delivery.check)
     if json:
         record = servo_record(replace(result, findings=stored.findings))
         sys.stdout.write(to_json({**record, "run": str(folder)}) + "\n")
@@ -92,6 +92,11 @@ def servo(
     if not no_report and attempt(PAGE, lambda: _write_page(result, stored)):
         written.append(PAGE)
     if not json:
+        if delivery.check:
+            sys.stdout.write(
+                f"MuJoCo {delivery.check['mujoco']} moves model.xml as armid does, to "
+                f"{1e3 * delivery.check['total']:.2g} mrad (mm) RMS\n"
+            )
         sys.stdout.write(f"result written to {folder}: {', '.join(written)}\n")
     if stored.errors.verdict == "fail":
         raise typer.Exit(1)

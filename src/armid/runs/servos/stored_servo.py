@@ -141,18 +141,22 @@ def stored_servo_of(result: ServoResult, folder: Path | str, made: RunOrigin | N
     )
 
 
-def save_servo(result: ServoResult, stored: StoredServo, files: Mapping[str, bytes]) -> None:
+def save_servo(
+    result: ServoResult, stored: StoredServo, files: Mapping[str, bytes], check: Mapping[str, Any]
+) -> None:
     """Writes the folder of a result. An earlier result is replaced; any other folder is refused.
 
     Args:
         result: Result of the identification.
         stored: Contents of the folder, with all findings.
         files: Contents of further files, by their name.
+        check: Comparison of the roll-out of MuJoCo, which is recorded.
 
     Raises:
         OutputError: The folder cannot be written, or its contents are not a result of `armid servo`.
     """
-    record = {**servo_record(replace(result, findings=stored.findings)), "made": origin_record(stored.made)}
+    record = servo_record(replace(result, findings=stored.findings))
+    record |= {"rollout_check": check or None, "made": origin_record(stored.made)}
     with whole_folder(stored.folder, MARKER, KIND) as draft:
         replace_file(draft / MARKER, to_json(record) + "\n")
         save(result.robot, draft / ROBOT)
