@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from armid.export.servos.mjcf_actuators import servo_mjcf
+from armid.runs.servos.stored_servo import parameters_of_record
 from armid.servo.parameters import ServoParameters
-from armid.study.servos.record import parameters_of_record
 from command_line import Armid, command_line
 from servo_labs import any_parameters, recorded, servo_model, small_arm
 

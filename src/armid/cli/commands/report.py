@@ -58,16 +58,15 @@ def report(
 
     require_extra()
     claim_run(other or run, out)
-    if other is None and is_servo_folder(run):
-        report_servo(run, out, data, json=json)
-        return
-    first = load_run(run)
     missing: tuple[str, ...] = ()
-    if other is None:
-        page_data = gather(first, data=data)
+    if other is None and is_servo_folder(run):
+        page = out or Path(run) / PAGE
+        missing = report_servo(run, page, data)
+    elif other is None:
+        page_data = gather(load_run(run), data=data)
         page, missing = write_one(page_data, out or Path(run) / PAGE), page_data.missing
     else:
-        page = write_comparison(first, load_run(other), out or Path(other) / "comparison.html")
+        page = write_comparison(load_run(run), load_run(other), out or Path(other) / "comparison.html")
     if json:
         sys.stdout.write(to_json({"report": str(page), "bytes": page.stat().st_size}) + "\n")
     else:

@@ -93,7 +93,6 @@ def validate(
     from armid.cli.commands.validate_rollout import check_files, roll_out, write_files
     from armid.cli.console import print_findings
     from armid.cli.servos.servo_folder import validate_servo_folder
-    from armid.errors import ArmidError
     from armid.measurement.log_format import LogFormat
     from armid.runs.rollout import judged_by_motion, motion_record
     from armid.runs.run import load_run, with_edges
@@ -104,10 +103,7 @@ def validate(
 
     if is_servo_folder(run):
         if simulate or controller is not None or out is not None:
-            raise ArmidError(
-                f"{run} is a result of armid servo, which is always validated by simulated motion.",
-                remedy="leave out --simulate, --controller and --out; --page FILE.html plots the motion.",
-            )
+            _refuse_simulation(run)
         changes = changed_reading(LogFormat(), rate, torque_sign, columns, reading_lines, period, preset)
         if not validate_servo_folder(run, recordings, changes, page, json=json):
             raise typer.Exit(1)
@@ -136,6 +132,16 @@ def validate(
         if torque_verdict == "fail" and not json and not contradictions(findings):
             _advise_recalibration(run, recordings)
         raise typer.Exit(1)
+
+
+def _refuse_simulation(folder: str) -> None:
+    """Raise the error about options that have no effect on a result of `armid servo`."""
+    from armid.errors import ArmidError
+
+    raise ArmidError(
+        f"{folder} is a result of armid servo, which is always validated by simulated motion.",
+        remedy="leave out --simulate, --controller and --out; --page FILE.html plots the motion.",
+    )
 
 
 def _advise_recalibration(run: str, recordings: Sequence[str]) -> None:

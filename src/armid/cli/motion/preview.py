@@ -74,24 +74,24 @@ def preview(
         armid preview arm.urdf runs/today
     """
     from armid.cli.console import print_missing_meshes
-    from armid.report.preview.make_preview import preview_of, servo_layer
+    from armid.report.preview.make_preview import preview_of
     from armid.report.preview.page import write_preview
+    from armid.report.preview.servo_preview import clip_of_servo, layer_of_servo
     from armid.report.rendering import require_extra
 
     require_extra("jinja2")
     run, motion_run, servo = _run(robot), _run(motion), _servo(robot)
     choice = robot_choice(robot, gravity, lock, only, tip, package)
     arm = _arm(choice, run, servo, with_meshes=bool(package))
-    own = run or servo
-    known_run, default_folder = motion_run or run, Path(robot) if own and motion is None else Path()
+    known_run, default_folder = motion_run or run, Path(robot) if (run or servo) and motion is None else Path()
     with print_missing_meshes(quiet=json):
         made = preview_of(
             arm,
-            motion_run or motion or own,
+            motion_run or motion or run or (None if servo is None else clip_of_servo(servo, data)),
             reading=_reading(known_run, given(columns, rate)),
             data=data,
             surroundings=_surroundings(arm, floor, environment),
-            estimate=_estimate(known_run, arm) if servo is None else servo_layer(servo),
+            estimate=_estimate(known_run, arm) if servo is None else layer_of_servo(servo),
         )
         path, missing = write_preview(made, out or default_folder / PAGE)
     _report(path, missing, json=json)

@@ -63,14 +63,9 @@ def servo(
 
         armid servo go2.xml stand.csv --lock base --stiffness 20 --damping 1.5
     """
-    from armid.cli.commands.report import PAGE, attempt
-    from armid.cli.console import print_findings, progress
-    from armid.cli.servos.servo_result import print_servo_result
-    from armid.export.servos.deliver import delivered
-    from armid.runs.servos.stored_servo import refuse_servo_folder, save_servo, stored_servo_of
+    from armid.cli.console import progress
+    from armid.runs.servos.stored_servo import refuse_servo_folder
     from armid.study.servos.identification import identify_servo_study
-    from armid.study.servos.record import servo_record
-    from armid.study.storage.records import to_json
 
     reading = given(columns, rate, None, units, time_unit, None, None)
     study = _study(inputs, validate or [], reading, (gravity, lock, only, tip, package), stiffness, damping)
@@ -78,6 +73,20 @@ def servo(
     refuse_servo_folder(folder)
     with progress(quiet=json) as tell:
         result = identify_servo_study(study, progress=tell)
+    if _deliver(result, folder, page=not no_report, json=json) == "fail":
+        raise typer.Exit(1)
+
+
+def _deliver(result: ServoResult, folder: Path, *, page: bool, json: bool) -> str:
+    """Write the folder with the files for other programs and the page, print the result, and return the verdict."""
+    from armid.cli.commands.report import PAGE, attempt
+    from armid.cli.console import print_findings
+    from armid.cli.servos.servo_result import print_servo_result
+    from armid.export.servos.deliver import delivered
+    from armid.runs.servos.stored_servo import save_servo, stored_servo_of
+    from armid.study.servos.record import servo_record
+    from armid.study.storage.records import to_json
+
     stored = stored_servo_of(result, folder)
     delivery = delivered(stored, result.validation or result.training)
     stored = replace(stored, findings=(*stored.findings, *delivery.findings))
@@ -89,17 +98,16 @@ def servo(
         print_servo_result(stored)
     print_findings(list(stored.findings))
     written = ["servo.json", *delivery.files]
-    if not no_report and attempt(PAGE, lambda: _write_page(result, stored)):
+    if page and attempt(PAGE, lambda: _write_page(result, stored)):
         written.append(PAGE)
     if not json:
         if delivery.check:
             sys.stdout.write(
-                f"MuJoCo {delivery.check['mujoco']} moves model.xml as armid does, to "
+                f"MuJoCo {delivery.check['mujoco']} moves model.xml like armid, within "
                 f"{1e3 * delivery.check['total']:.2g} mrad (mm) RMS\n"
             )
         sys.stdout.write(f"result written to {folder}: {', '.join(written)}\n")
-    if stored.errors.verdict == "fail":
-        raise typer.Exit(1)
+    return stored.errors.verdict
 
 
 def _study(

@@ -9,21 +9,15 @@ from pathlib import Path
 from typing import Any
 
 
-def report_servo(folder: str, out: Path | None, data: Path | None, *, json: bool) -> None:
-    """Write the page of a servo result again; its recordings are read again for the plots."""
-    from armid.cli.commands.report import MISSING_REMEDY, PAGE
-    from armid.cli.console import print_findings
-    from armid.errors import Finding
+def report_servo(folder: str, page: Path, data: Path | None) -> tuple[str, ...]:
+    """Write the page of a servo result again, and return messages about recordings that cannot be read again."""
     from armid.report.servos.page import write_servo_page
     from armid.report.servos.page_data import gather_servo
     from armid.runs.servos.stored_servo import load_servo
-    from armid.study.storage.records import to_json
 
     page_data = gather_servo(load_servo(folder), data=data)
-    page = write_servo_page(page_data, out or Path(folder) / PAGE)
-    record = {"report": str(page), "bytes": page.stat().st_size}
-    sys.stdout.write(to_json(record) + "\n" if json else f"page written to {page}\n")
-    print_findings([Finding("recording-missing", "warning", "", text, MISSING_REMEDY) for text in page_data.missing])
+    write_servo_page(page_data, page)
+    return page_data.missing
 
 
 def validate_servo_folder(

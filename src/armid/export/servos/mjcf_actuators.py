@@ -35,8 +35,9 @@ DRY = {"solreffriction": f"{2.0 * TIMESTEP:g} 1", "solimpfriction": "0.9999 0.99
 def servo_mjcf(model: ServoModel, parameters: ServoParameters) -> bytes:
     """MJCF without shapes, with an actuator for each joint, whose control is the command.
 
-    MuJoCo before version 3.5 has no delay of a command, and no version has a negative one: the control must be delayed
-    by the program that sets it. Friction laws other than viscous and Coulomb have no place in the format.
+    MuJoCo before version 3.5 has no delay of a command, and no version has a negative one, so the file has none: the
+    control must be delayed by the program that sets it. Friction laws other than viscous and Coulomb have no place in
+    the format.
     """
     links = written_links(model.robot, parameters)
     limits = zip(model.robot.joints, parameters.limit, strict=True)  # MuJoCo keeps to the smaller of two limits
@@ -82,9 +83,7 @@ def actuator_section(model: ServoModel, parameters: ServoParameters) -> list[str
 def delay_words(parameters: ServoParameters) -> str:
     """Sentence about the delays of the commands."""
     delays = ", ".join(f"{1e3 * delay:.3g}" for delay in parameters.delay)
-    return (
-        f"Delay of the commands, to be applied by the program that sets the controls, joint by joint [ms]: {delays}"
-    )
+    return f"Delay of the commands, to be applied by the program that sets the controls, by joint [ms]: {delays}"
 
 
 def actuator(name: str, joint: str, parameters: ServoParameters, j: int) -> tuple[str, Mapping[str, str]]:

@@ -20,8 +20,8 @@ from armid.servo.parameters import ServoModel, ServoParameters
 from armid.servo.servo_run import ServoRun
 
 SAME = 5e-4
-"""Largest RMS difference of the positions of both roll-outs [rad or m]. Both integrate with finite steps; a difference
-of this size is a third of the step of an encoder with 12 bit."""
+"""Largest RMS difference of the positions of both roll-outs [rad or m]. Both integrate with finite steps; this is a
+third of the step of an encoder with 12 bit."""
 
 SECONDS = 20.0
 """Length of the part of each run, from its beginning, that `armid servo` compares [s]."""

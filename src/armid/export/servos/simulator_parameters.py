@@ -34,13 +34,14 @@ joints by degree."""
 NOTES = {
     "isaaclab": "Static and dynamic friction are equal: the model has no Stribeck effect. Of PhysX 5.6 on. The "
     "command is the position target minus the offset, delayed.",
-    "mjlab": "The lag of the command is in steps of timestep; a negative delay cannot be stated and is 0. The command "
-    "is the position target minus the offset.",
+    "mjlab": "The lag of the command is in steps of timestep; a negative delay cannot be stated and is 0. The "
+    "command is the position target minus the offset.",
     "bam": "Model m1. BAM computes the torque of the motor from a voltage: stiffness stands for "
-    "vin * kp * error_gain * kt / R, and friction_viscous contains kt^2 / R, because command and position do not show "
-    "kt and R apart.",
+    "vin * kp * error_gain * kt / R, and friction_viscous contains kt^2 / R, because command and position do not "
+    "show kt and R apart. BAM adds q_offset to the angle in the weight of its test bench, too; here only the servo "
+    "has the offset.",
 }
-"""What the names of each program mean for these values."""
+"""Meaning of the names of each program for these values."""
 
 
 def simulator_parameters(model: ServoModel, parameters: ServoParameters) -> dict[str, Any]:

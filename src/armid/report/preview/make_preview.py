@@ -21,7 +21,6 @@ from armid.robot.shapes import Shape
 from armid.runs.locate_recording import read_recording_of
 from armid.runs.read_records import read_records, trained_and_validated
 from armid.runs.run import Run
-from armid.runs.servos.stored_servo import StoredServo, read_servo_recordings
 from armid.study.config import RecordingChoice
 from armid.study.plans.design_result import Designed
 from armid.study.plans.plan_reading import is_plan, limits_of_plan, motion_of_plan, read_whole_plan
@@ -31,7 +30,7 @@ from armid.study.recordings.reading import read_choice
 
 def preview_of(
     robot: Robot,
-    motion: str | Run | StoredServo | None,
+    motion: str | Run | Clip | None,
     *,
     reading: LogFormat | None = None,
     data: Path | str | None = None,
@@ -42,8 +41,8 @@ def preview_of(
 
     Args:
         robot: The arm.
-        motion: A plan, the folder of a plan, a recording, or a run or servo result, of which a validation recording
-            is shown. With `None` the arm is at rest.
+        motion: A plan, the folder of a plan, a recording, a run, or a clip; for a run, a validation recording is shown.
+            With `None` the arm is at rest.
         reading: Log format of a recording.
         data: Folder that is searched first for a run's recordings.
         surroundings: Fixed bodies, in addition to those of a plan.
@@ -57,8 +56,8 @@ def preview_of(
         clip = still(_rest(robot), "standing")
     elif isinstance(motion, Run):
         clip = _of_run(motion, data)
-    elif isinstance(motion, StoredServo):
-        clip = _of_servo(motion, data)
+    elif isinstance(motion, Clip):
+        clip = motion
     elif is_plan(motion):
         plan, known = read_whole_plan(motion)
         clip, around = clip_of_plan(plan, motion), (*around, *known)
@@ -67,7 +66,7 @@ def preview_of(
         clip = _of_file(motion, robot, reading or LogFormat())
     if clip.q.shape[1] != robot.n:
         raise ArmidError(
-            f"{motion} moves {clip.q.shape[1]} joints, but {robot.name} has {robot.n}.",
+            f"{clip.title if isinstance(motion, Clip) else motion} moves {clip.q.shape[1]} joints, but {robot.name} has {robot.n}.",
             remedy="give a plan for this arm or a recording of it.",
         )
     collision, note = _collision_options(robot, around)
@@ -103,11 +102,6 @@ def estimate_layer(theta: Array, run: Run, note: str = "") -> MassLayer:
     return MassLayer("estimate", theta[columns].reshape(-1, 10), note)
 
 
-def servo_layer(stored: StoredServo) -> MassLayer:
-    """Layer of the link inertias of a servo result."""
-    return MassLayer("estimate", stored.parameters.inertial)
-
-
 def _of_file(path: str, robot: Robot, reading: LogFormat) -> Clip:
     """Clip of the motion in a file: a motion in the format of a controller, or a recording."""
     motion = motion_of_plan(path, robot, 1000.0)
@@ -132,28 +126,8 @@ def _of_run(run: Run, data: Path | str | None) -> Clip:
             missing.append(error.problem)
             continue
         return clip_of_recording(recording, f"{Path(choice.path).name} of {run.folder}")
-    raise _unreadable(run.folder, missing)
-
-
-def _of_servo(stored: StoredServo, data: Path | str | None) -> Clip:
-    """Clip of the first readable recording of a servo result, validation before training.
-
-    Raises:
-        ArmidError: No recording can be read.
-    """
-    missing: list[str] = []
-    for role in ("validate", "train"):
-        recordings, absent = read_servo_recordings(stored, role, data)
-        if recordings:
-            return clip_of_recording(recordings[0], f"{Path(recordings[0].source).name} of {stored.folder}")
-        missing += absent
-    raise _unreadable(stored.folder, missing)
-
-
-def _unreadable(folder: str, missing: Sequence[str]) -> ArmidError:
-    """Error about a folder none of whose recordings can be read."""
-    return ArmidError(
-        f"None of the recordings of {folder} can be read: {' '.join(missing)}",
+    raise ArmidError(
+        f"None of the recordings of {run.folder} can be read: {' '.join(missing)}",
         remedy="give the folder of the recordings with --data, or give a plan or recording to show.",
     )
 

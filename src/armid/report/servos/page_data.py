@@ -10,7 +10,8 @@ from typing import Literal
 from armid.checked_array import Array
 from armid.notebook_display import names_apart
 from armid.robot import Joint
-from armid.runs.servos.stored_servo import StoredServo, read_servo_runs
+from armid.runs.servos.servo_recordings import read_servo_runs
+from armid.runs.servos.stored_servo import StoredServo
 from armid.servo.closed_loop import simulate
 from armid.servo.servo_run import ServoRun
 

@@ -19,17 +19,13 @@ from armid.checked_array import Array
 from armid.dataclass_files import load, save
 from armid.errors import ArmidError, Finding
 from armid.input_boundary import boundary, read_json
-from armid.measurement.recording import Recording
 from armid.model.terms import TERMS
 from armid.robot import Robot
-from armid.runs.locate_recording import find_recording
 from armid.runs.read_records import study_of_record
 from armid.servo.estimate_table import EstimatedValue
 from armid.servo.parameters import ServoModel, ServoParameters, make_servo_model
 from armid.servo.score import ClosedLoopError
-from armid.servo.servo_run import ServoRun, servo_runs
 from armid.study.config import Study
-from armid.study.recordings.reading import read_choice
 from armid.study.servos.identification import ServoResult, ServoScore
 from armid.study.servos.record import PARAMETERS, SERVO_FORMAT, servo_record
 from armid.study.storage.atomic_folder import completed, refuse, whole_folder
@@ -211,40 +207,6 @@ def parameters_of_record(record: Mapping[str, Any]) -> ServoParameters:
     values = {name: _numbers(record["parameters"][name]) for name in PARAMETERS}
     values["limit"] = np.where(np.isnan(values["limit"]), np.inf, values["limit"])
     return ServoParameters(**values)
-
-
-def read_servo_runs(
-    stored: StoredServo, role: Literal["train", "validate"], data: Path | str | None = None
-) -> tuple[tuple[ServoRun, ...], tuple[str, ...]]:
-    """Reads the recordings of a result again.
-
-    Args:
-        stored: The result.
-        role: Role of the recordings.
-        data: Folder that is searched first.
-
-    Returns:
-        Runs of the recordings, and messages about recordings that are missing or have changed.
-    """
-    recordings, missing = read_servo_recordings(stored, role, data)
-    return tuple(run for recording in recordings for run in servo_runs(recording)), missing
-
-
-def read_servo_recordings(
-    stored: StoredServo, role: Literal["train", "validate"], data: Path | str | None = None
-) -> tuple[tuple[Recording, ...], tuple[str, ...]]:
-    """Reads the parts of the recordings of a result that have a role; arguments as of `read_servo_runs`."""
-    found: list[Recording] = []
-    missing: list[str] = []
-    for choice, sha256 in zip(stored.study.recordings, stored.digests, strict=True):
-        if choice.role != role:
-            continue
-        try:
-            place = find_recording(choice.path, sha256, stored.study.folder, data)
-            found.append(read_choice(replace(choice, path=str(place)), ".", stored.robot)[0])
-        except ArmidError as error:
-            missing.append(error.problem)
-    return tuple(found), tuple(missing)
 
 
 def _numbers(values: Any) -> Array:
