@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from armid.robot import Robot
     from armid.robot.shapes import Shape
     from armid.runs.run import Run
-    from armid.runs.servos.stored_servo import StoredServo
-    from armid.study.config import RobotChoice
 
 PAGE = "preview.html"
 
@@ -76,13 +74,15 @@ def preview(
     from armid.cli.console import print_missing_meshes
     from armid.report.preview.make_preview import preview_of
     from armid.report.preview.page import write_preview
-    from armid.report.preview.servo_preview import clip_of_servo, layer_of_servo
+    from armid.report.preview.servo_preview import clip_of_servo, layer_of_servo, servo_in
     from armid.report.rendering import require_extra
+    from armid.study.config import load_choice
 
     require_extra("jinja2")
-    run, motion_run, servo = _run(robot), _run(motion), _servo(robot)
+    run, motion_run, servo = _run(robot), _run(motion), servo_in(robot)
     choice = robot_choice(robot, gravity, lock, only, tip, package)
-    arm = _arm(choice, run, servo, with_meshes=bool(package))
+    known = run or servo
+    arm = load_choice(choice) if known is None else _with_meshes(run) if run and package else known.robot
     known_run, default_folder = motion_run or run, Path(robot) if (run or servo) and motion is None else Path()
     with print_missing_meshes(quiet=json):
         made = preview_of(
@@ -113,22 +113,6 @@ def _run(name: str | None) -> Run | None:
     from armid.runs.run import MARKER, load_run
 
     return load_run(name) if name is not None and (Path(name) / MARKER).is_file() else None
-
-
-def _servo(name: str) -> StoredServo | None:
-    """Servo result in a folder; `None` if the folder contains none."""
-    from armid.runs.servos.stored_servo import is_servo_folder, load_servo
-
-    return load_servo(name) if is_servo_folder(name) else None
-
-
-def _arm(choice: RobotChoice, run: Run | None, servo: StoredServo | None, *, with_meshes: bool) -> Robot:
-    """Arm of the run or of the servo result if there is one, otherwise that of the description."""
-    from armid.study.config import load_choice
-
-    if servo is not None:
-        return servo.robot
-    return load_choice(choice) if run is None else _with_meshes(run) if with_meshes else run.robot
 
 
 def _with_meshes(run: Run) -> Robot:

@@ -41,8 +41,8 @@ def preview_of(
 
     Args:
         robot: The arm.
-        motion: A plan, the folder of a plan, a recording, a run, or a clip; for a run, a validation recording is shown.
-            With `None` the arm is at rest.
+        motion: A plan, the folder of a plan, a recording, a clip, or a run; for a run, a validation recording is
+            shown. With `None` the arm is at rest.
         reading: Log format of a recording.
         data: Folder that is searched first for a run's recordings.
         surroundings: Fixed bodies, in addition to those of a plan.
@@ -66,7 +66,7 @@ def preview_of(
         clip = _of_file(motion, robot, reading or LogFormat())
     if clip.q.shape[1] != robot.n:
         raise ArmidError(
-            f"{clip.title if isinstance(motion, Clip) else motion} moves {clip.q.shape[1]} joints, but {robot.name} has {robot.n}.",
+            f"{motion} moves {clip.q.shape[1]} joints, but {robot.name} has {robot.n}.",
             remedy="give a plan for this arm or a recording of it.",
         )
     collision, note = _collision_options(robot, around)

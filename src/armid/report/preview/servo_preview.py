@@ -9,10 +9,15 @@ from armid.errors import ArmidError
 from armid.report.preview.animation_frames import Clip, clip_of_recording
 from armid.report.preview.inertia_ellipsoids import MassLayer
 from armid.runs.servos.servo_recordings import read_servo_recordings
-from armid.runs.servos.stored_servo import StoredServo
+from armid.runs.servos.stored_servo import StoredServo, is_servo_folder, load_servo
 
 ROLES: tuple[Literal["validate", "train"], ...] = ("validate", "train")
 """Roles of recordings, in the order in which a recording is looked for."""
+
+
+def servo_in(name: str) -> StoredServo | None:
+    """Servo result in a folder; `None` if it is no such folder."""
+    return load_servo(name) if is_servo_folder(name) else None
 
 
 def clip_of_servo(stored: StoredServo, data: Path | str | None) -> Clip:
