@@ -25,6 +25,7 @@ from armid.study.config import RecordingChoice, Study, load_choice
 from armid.study.progress import Progress, no_progress
 from armid.study.recordings.reading import read_all
 from armid.study.servos.choice import servo_options
+from armid.study.servos.described_servo_findings import described_servo_findings
 
 USED = 0.9
 """Share of a recording from which the unused rest is not worth a finding."""
@@ -119,6 +120,7 @@ def identify_servo_study(
         *robot.findings,
         *(each for found in read_findings for each in found),
         *unused_findings(recordings, parts),
+        *described_servo_findings(robot, (*parts["train"], *parts["validate"])),
         *estimate_findings(estimate),
     )
     seconds = time.perf_counter() - began
