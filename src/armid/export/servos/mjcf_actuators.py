@@ -26,7 +26,7 @@ OPTIONS = {
     "noslip_tolerance": "1e-10",
 }
 """Options of the file. Without the steps against slip, a joint that dry friction holds creeps: MuJoCo's constraint of
-dry friction is soft, and the smallest softness that it accepts moves a light joint by 2 mrad in a minute."""
+dry friction is soft, and with the smallest softness that it accepts a light joint moved by 3 mrad in 90 s."""
 
 DRY = {"solreffriction": f"{2.0 * TIMESTEP:g} 1", "solimpfriction": "0.9999 0.9999 0.001 0.5 2"}
 """Attributes of joints with which MuJoCo's constraint of dry friction is as stiff as it accepts."""
