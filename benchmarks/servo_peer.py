@@ -12,6 +12,7 @@ Needs the packages of mujoco[sysid]. Prints one JSON object for each robot: erro
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import re
 import tempfile
@@ -82,8 +83,8 @@ class Peer:
     """
 
     def __init__(self, estimate: ServoEstimate, runs: Sequence[ServoRun]) -> None:
-        import mujoco
-
+        self.mujoco: Any = importlib.import_module("mujoco")
+        mujoco = self.mujoco
         self.model, self.start, self.runs = estimate.model, estimate.unknowns.mean, runs
         self.places = estimate.unknowns.names()
         self.plant = mujoco.MjModel.from_xml_string(servo_mjcf(self.model, self.start).decode())
@@ -114,10 +115,8 @@ class Peer:
 
     def _of_run(self, parameters: ServoParameters, run: ServoRun) -> Array:
         """Errors on one run [mrad] after its first second."""
-        import mujoco
-        from mujoco import rollout
-
-        plant, n = self.plant, self.model.n
+        mujoco, plant, n = self.mujoco, self.plant, self.model.n
+        rollout: Any = importlib.import_module("mujoco.rollout")
         write(plant, self.model, parameters)
         each = int(np.ceil(run.step / STEP * (1.0 - 1e-9)))
         plant.opt.timestep = run.step / each
@@ -130,12 +129,11 @@ class Peer:
         mujoco.mj_getState(plant, self.data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS.value)
         states, _ = rollout.rollout(plant, self.data, state, commands)
         q = states[0, each - 1 :: each, 1 : 1 + n]
-        return 1e3 * (q - run.q[1:])[round(1.0 / run.step) :]
+        return np.asarray(1e3 * (q - run.q[1:])[round(1.0 / run.step) :])
 
     def search(self, iterations: int) -> ServoParameters:
         """Parameters that `mujoco.sysid` finds."""
-        from mujoco import sysid
-
+        sysid: Any = importlib.import_module("mujoco.sysid")
         params = sysid.ParameterDict()
         for number, (name, k) in enumerate(self.places):
             reach = RANGE["log"] if name in LOGARITHMIC else RANGE[name] / SCALE[name]
