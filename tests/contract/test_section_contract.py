@@ -14,6 +14,7 @@ from armid.report.preflight_page import PREFLIGHT
 from armid.report.rollout_page import ROLLOUT
 from armid.report.section import Section
 from armid.report.sections import SECTIONS
+from armid.report.servos.page import SERVO
 from reports import Page, make_run
 
 pytest.importorskip("plotly")
@@ -36,7 +37,9 @@ section = pytest.mark.parametrize("name", SECTIONS)
 
 def test_every_template_belongs_to_a_section():
     named = {path.stem for path in TEMPLATES.glob("*.html")}
-    assert named == SHARED | set(SECTIONS) | set(COMPARISON) | set(PREFLIGHT) | set(ROLLOUT) | set(MONITOR)
+    assert named == SHARED | set(SECTIONS) | set(COMPARISON) | set(PREFLIGHT) | set(ROLLOUT) | set(MONITOR) | set(
+        SERVO
+    )
 
 
 @section

@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import io
 import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from armid.cli import main as cli
+from armid.cli.folder_overview import next_step
+from armid.export.formats import urdf
 from armid.export.servos.mjcf_actuators import servo_mjcf
+from armid.export.types import Content
+from armid.robot import load_robot
+from armid.runs.servos.servo_recordings import read_servo_runs
+from armid.runs.servos.stored_servo import load_servo, parameters_of_record
 from armid.servo.parameters import ServoParameters
-from armid.study.servos.record import parameters_of_record
+from armid.servo.score import closed_loop_error
 from command_line import Armid, command_line
+from reports import Page
 from servo_labs import any_parameters, recorded, servo_model, small_arm
 
 FIELDS = ("friction", "rotor_inertia", "stiffness", "offset", "delay")
@@ -48,22 +61,25 @@ def files(tmp_path_factory):
     return folder, truth
 
 
-def test_from_files_to_files(files, armid, tmp_path):
-    folder, truth = files
-    out = tmp_path / "result"
-    done = armid(
-        "servo",
-        folder / "arm.xml",
-        folder / "one.csv",
-        folder / "two.csv",
-        "--validate",
-        folder / "other.csv",
-        "--out",
-        out,
-    )
-    assert done.code == 0
-    assert "closed-loop position error" in done.out
-    assert "command = position" in done.out
+@pytest.fixture(scope="module")
+def identified(files, tmp_path_factory):
+    """Folder of a result, and what the command printed."""
+    folder, _ = files
+    out = tmp_path_factory.mktemp("identified") / "result"
+    arguments = [folder / "arm.xml", folder / "one.csv", folder / "two.csv", "--validate", folder / "other.csv"]
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed), pytest.raises(SystemExit) as ended:
+        cli.main(["servo", *map(str, arguments), "--out", str(out)])
+    return out, printed.getvalue(), ended.value.code
+
+
+def test_from_files_to_files(files, identified):
+    _, truth = files
+    out, printed, code = identified
+    assert not code
+    assert "closed-loop position error" in printed
+    assert "command = position" in printed
+    assert "MuJoCo" in printed
     record = json.loads((out / "servo.json").read_text())
     found = parameters_of_record(record)
     assert found.stiffness == pytest.approx(truth.stiffness, rel=0.4)
@@ -72,6 +88,133 @@ def test_from_files_to_files(files, armid, tmp_path):
     origins = {each["origin"] for each in record["values"]}
     assert origins <= {"identified", "weakly identified", "prior-dominated", "not identifiable"}
     assert b"<actuator>" in (out / "model.xml").read_bytes()
+    assert record["rollout_check"]["total"] < record["rollout_check"]["bound"]
+
+
+def test_the_folder_is_read_as_it_was_written(identified):
+    out, _, _ = identified
+    found, record = load_servo(out), json.loads((out / "servo.json").read_text())
+    assert found.errors.verdict == record["verdict"] == "pass"
+    assert found.parameters.stiffness == pytest.approx(record["parameters"]["stiffness"], rel=1e-12)
+    assert np.isinf(found.parameters.limit).all()  # null in the record
+    assert [(each.kind, each.value) for each in found.values] == [(v["kind"], v["value"]) for v in record["values"]]
+    runs, missing = read_servo_runs(found, "validate")
+    assert not missing
+    again = closed_loop_error(found.model, found.parameters, runs)
+    assert again.joints == pytest.approx(record["validation"]["model"]["joints"], rel=1e-9)
+
+
+def test_the_page_shows_errors_motion_and_parameters(identified, armid, tmp_path):
+    out, _, _ = identified
+    written = Page((out / "report.html").read_text())
+    assert armid("report", out, "--out", tmp_path / "again.html").code == 0
+    for page in (written, Page((tmp_path / "again.html").read_text())):
+        tables = page.data["tables"]
+        assert {"servo-errors", "servo-values", "provenance"} <= set(tables)
+        heads = tables["servo-errors"]["csv"].splitlines()[0]
+        assert "command = position [mrad]" in heads
+        assert "description [mrad]" in heads
+        assert {f"servo-{kind}-0-{j}" for kind in ("q", "error") for j in range(3)} == set(page.data["plots"])
+        assert "The identified arm predicts validation motion better" in page.prose
+
+
+def test_a_page_without_the_recordings_has_tables_only(identified, armid, tmp_path):
+    out, _, _ = identified
+    moved = tmp_path / "moved"
+    shutil.copytree(out, moved)
+    record = json.loads((moved / "servo.json").read_text())
+    record["study"]["folder"] = str(tmp_path)
+    for each in record["study"]["recordings"]:
+        each["path"] = Path(each["path"]).name
+    (moved / "servo.json").write_text(json.dumps(record))
+    done = armid("report", moved)
+    assert done.code == 0
+    assert "recording-missing" in done.err
+    page = Page((moved / "report.html").read_text())
+    assert not page.data["plots"]
+    assert "servo-errors" in page.data["tables"]
+
+
+def test_another_recording_is_judged(files, identified, armid, tmp_path):
+    folder, _ = files
+    out, _, _ = identified
+    done = armid("validate", out, folder / "other.csv", "--json", "--page", tmp_path / "other.html")
+    record = json.loads((out / "servo.json").read_text())
+    assert done.code == 0
+    assert done.json["verdict"] == "pass"
+    assert done.json["model"]["joints"] == pytest.approx(record["validation"]["model"]["joints"], rel=1e-9)
+    assert "servo-q-0-0" in Page((tmp_path / "other.html").read_text()).data["plots"]
+    refused = armid("validate", out, folder / "one.csv")
+    assert refused.code == 2
+    assert "was trained on the same data" in " ".join(refused.err.split())
+
+
+@pytest.mark.parametrize("arguments", [("predict", "RUN", "one.csv"), ("export", "RUN", "--to", "c")])
+def test_commands_for_torques_say_what_the_folder_is(files, identified, armid, arguments):
+    folder, _ = files
+    out, _, _ = identified
+    given = [out if each == "RUN" else folder / each if each.endswith("csv") else each for each in arguments]
+    done = armid(*given)
+    assert done.code == 2
+    assert "is a result of armid servo" in " ".join(done.err.split())
+
+
+def test_a_preview_shows_the_arm_in_motion(identified, armid, tmp_path):
+    out, _, _ = identified
+    assert armid("preview", out, "--out", tmp_path / "preview.html").code == 0
+    assert "other.csv" in (tmp_path / "preview.html").read_text()
+
+
+def test_an_unknown_format_is_one_error(identified, armid, tmp_path):
+    out, _, _ = identified
+    other = tmp_path / "other"
+    shutil.copytree(out, other)
+    record = json.loads((other / "servo.json").read_text())
+    (other / "servo.json").write_text(json.dumps({**record, "format": 1}))
+    done = armid("report", other)
+    assert done.code == 2
+    assert "has format 1" in " ".join(done.err.split())
+
+
+def test_the_overview_names_the_latest_servos(identified, tmp_path, monkeypatch):
+    out, _, _ = identified
+    shutil.copytree(out, tmp_path / "runs" / "hobby")
+    assert "armid validate runs/hobby RECORDING" in next_step(tmp_path)
+
+
+def test_parameters_by_the_names_of_simulators(identified):
+    """Each program has the identified numbers, in its own names."""
+    out, _, _ = identified
+    found, record = load_servo(out).parameters, json.loads((out / "simulators.json").read_text())
+    names = list(record["joints"])
+    stiffness = dict(zip(names, found.stiffness.tolist(), strict=True))
+    assert record["isaaclab"]["stiffness"] == pytest.approx(stiffness)
+    assert {each["target_names_expr"][0]: each["stiffness"] for each in record["mjlab"]} == pytest.approx(stiffness)
+    assert record["isaaclab"]["friction"] == record["isaaclab"]["dynamic_friction"]
+    assert [each["armature"] for each in record["bam"].values()] == pytest.approx(found.rotor_inertia.tolist())
+    total = [each["friction_viscous"] for each in record["bam"].values()]
+    assert total == pytest.approx(list(record["isaaclab"]["viscous_friction"].values()))  # no damping was given
+
+
+def test_a_urdf_is_edited(files, armid, tmp_path):
+    """With limits in the description, the result has a URDF with bodies, friction and the limits of the servos."""
+    folder, _ = files
+    text = urdf_of(small_arm())
+    (tmp_path / "arm.urdf").write_text(text)
+    done = armid("servo", tmp_path / "arm.urdf", folder / "one.csv", "--stiffness", "17", "--out", tmp_path / "urdf")
+    assert done.code == 0
+    found, written = load_servo(tmp_path / "urdf"), load_robot(tmp_path / "urdf" / "model.urdf")
+    assert written.inertial_vector == pytest.approx(found.parameters.inertial, rel=1e-9, abs=1e-12)
+    viscous = [joint.drive.viscous for joint in written.joints]
+    values = {each.joint: each.value for each in found.values if each.kind == "FV"}
+    assert viscous == pytest.approx([values[j] for j in range(3)])
+    assert [joint.effort_limit for joint in written.joints] == [5.0] * 3
+
+
+def urdf_of(robot) -> str:
+    """URDF of an arm whose joints have limits."""
+    joints = [replace(joint, effort_limit=5.0) for joint in robot.joints]
+    return urdf.write(Content(replace(robot, joints=joints), {})).data.decode()
 
 
 def test_the_written_model_is_a_description_again(files, armid, tmp_path):

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import pytest
 
+from armid.export.servos.mjcf_actuators import servo_mjcf
+from armid.export.servos.mujoco_rollout import SAME, compare_roll_outs
 from armid.measurement.log_format import LogFormat
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.servos.choice import ServoChoice
@@ -21,6 +24,9 @@ TRAINING = {
 
 HELD_OUT = ("lissajous_pattern", "trapezoidal_profile", "hold_under_gravity", "custom_motion")
 
+COVERAGE = (0.90, 0.99)
+"""Range of the share of the rows of validation inside the 95 % band, over all joints."""
+
 OF_DESCRIPTION, OF_COMMAND = 0.60, 0.42
 """Largest error relative to that of the community's description of the SO-101, and to that of command = position."""
 
@@ -28,7 +34,8 @@ GO2_ERROR = 7.0e-3
 """Largest error [rad] of the Go2: another program's output error reaches 6.6 mrad with as many unknowns."""
 
 
-def test_so101(shared_data):
+@pytest.mark.long
+def test_so101(shared_data, tmp_path):
     folder = shared_data / "so101_sage"
     recordings = [RecordingChoice(f"{name}.parquet", part=(0.0, share)) for name, share in TRAINING.items()]
     recordings += [RecordingChoice(f"{name}.parquet", "validate") for name in HELD_OUT]
@@ -39,8 +46,10 @@ def test_so101(shared_data):
     assert result.score.model.total < OF_DESCRIPTION * result.score.described.total
     assert result.score.model.total < OF_COMMAND * result.score.command.total
     assert not any(each.severity == "error" for each in result.findings)
+    judge_band_and_file(result, tmp_path)
 
 
+@pytest.mark.long
 def test_go2_on_a_stand(shared_data, tmp_path):
     folder = shared_data / "go2_stand"
     text = re.sub(r"<freejoint[^>]*/>", "", (folder / "go2.xml").read_text())  # the trunk is held
@@ -55,6 +64,18 @@ def test_go2_on_a_stand(shared_data, tmp_path):
     result = identify_servo_study(study)
     assert result.score is not None
     assert result.score.model.total < GO2_ERROR
+    judge_band_and_file(result, tmp_path)
+
+
+def judge_band_and_file(result, tmp_path):
+    """The band holds about 95 % of the rows, and MuJoCo moves the written file like armid, over all of validation."""
+    low, high = COVERAGE
+    assert low < result.score.coverage.mean() < high
+    path = tmp_path / "written.xml"
+    path.write_bytes(servo_mjcf(result.estimate.model, result.estimate.parameters))
+    compared = compare_roll_outs(path, result.estimate.model, result.estimate.parameters, result.validation)
+    assert compared is not None
+    assert compared.total < SAME
 
 
 @pytest.mark.parametrize("name", ["so101_new_calib.xml", "so101_new_calib.urdf"])
@@ -64,5 +85,5 @@ def test_servos_of_the_description(shared_data, name):
     from armid.robot.described_drive import DescribedServo
 
     robot = load_robot(shared_data / "so101_sage" / name)
-    servos = {joint.drive.servo for joint in robot.joints}
+    servos = {joint.drive.servo and replace(joint.drive.servo, command_range=None) for joint in robot.joints}
     assert servos == ({DescribedServo(17.8)} if name.endswith("xml") else {None})

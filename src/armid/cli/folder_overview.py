@@ -37,10 +37,16 @@ def next_step(folder: Path | str = ".") -> str:
 def _steps(folder: Path) -> tuple[tuple[str, str], ...]:
     """Commands for the files in a folder, each with its purpose; empty if no file is known."""
     files = sorted(path.name for path in folder.iterdir() if path.is_file())
-    runs = [path.parent for path in folder.glob("runs/*/estimate.json")]
+    runs = [*folder.glob("runs/*/estimate.json"), *folder.glob("runs/*/servo.json")]
     if runs:
-        newest = max(runs, key=lambda path: (path / "estimate.json").stat().st_mtime)
-        run = shlex.quote(str(newest.relative_to(folder)))
+        newest = max(runs, key=lambda path: path.stat().st_mtime)
+        run = shlex.quote(str(newest.parent.relative_to(folder)))
+        if newest.name == "servo.json":
+            return (
+                (f"armid report {run}", "a page about the latest servos"),
+                (f"armid validate {run} RECORDING", "position error of the closed loop on a held-out recording"),
+                (f"armid preview {run}", "a page on which the arm moves through a recording"),
+            )
         return (
             (f"armid report {run}", "a page about the latest run"),
             (f"armid validate {run} RECORDING", "torque error of the run on a held-out recording"),

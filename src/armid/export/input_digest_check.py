@@ -13,11 +13,12 @@ from armid.export.types import DescriptionSource
 from armid.input_boundary import read_json
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
+from armid.robot import Robot
 from armid.robot.loading import builtin_arms, held_of, load_robot
 from armid.robot.readers import mjcf
 from armid.runs.locate_recording import read_recording_of
 from armid.runs.run import Run
-from armid.study.config import RecordingChoice, parse_robot
+from armid.study.config import RecordingChoice, RobotChoice, parse_robot
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -44,13 +45,29 @@ def find_source(run: Run, description: Path | str | None = None) -> DescriptionS
         OutputError: The file does not exist, or it has changed.
     """
     study = _record(run)
-    choice = parse_robot(study["robot"])
+    return source_of(parse_robot(study["robot"]), _relative_folder(study), run.robot, description)
+
+
+def source_of(
+    choice: RobotChoice, folder: Path, identified: Robot, description: Path | str | None = None
+) -> DescriptionSource:
+    """Finds the description of an identified arm, and checks that it has not changed.
+
+    Args:
+        choice: Description and options of the arm in the study.
+        folder: Folder to which the path of the description is relative.
+        identified: The arm, as it was read for the identification.
+        description: Path of the description, if it was moved after the identification.
+
+    Raises:
+        OutputError: The file does not exist, or it has changed.
+    """
     name = choice.description
     selected: dict[str, Any] = {"lock": choice.lock, "only": choice.only, "tip": choice.tip}
     if name in builtin_arms():
         return DescriptionSource(name, "dh", b"", held_of(name, **selected))
     places = [Path(description)] if description is not None else []
-    places += [_relative_folder(study) / name, Path(run.robot.source)] if description is None else []
+    places += [folder / name, Path(identified.source)] if description is None else []
     path = next((place for place in places if place.is_file()), None)
     if path is None:
         raise OutputError(
@@ -58,9 +75,9 @@ def find_source(run: Run, description: Path | str | None = None) -> DescriptionS
             remedy="give the present path of the description with --description FILE.",
         )
     robot = load_robot(path, gravity=choice.gravity, **selected)
-    if run.robot.sha256 not in (robot.sha256, _former_digest(path)):
+    if identified.sha256 not in (robot.sha256, _former_digest(path)):
         raise OutputError(
-            f"{path} has changed since the identification: its sha256 was {run.robot.sha256[:12]}… at that time "
+            f"{path} has changed since the identification: its sha256 was {identified.sha256[:12]}… at that time "
             f"and is {robot.sha256[:12]}… now.",
             remedy="give the unchanged file with --description FILE, or identify again.",
         )

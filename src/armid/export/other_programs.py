@@ -112,7 +112,7 @@ def mujoco_witness(text: str, content: Content, q: Array, dq: Array, ddq: Array,
             "mujoco", None, {}, "the package mujoco is not installed (pip install 'armid[lab]')", is_absent=True
         )
     try:
-        with _without_log(mj):
+        with without_log(mj):
             model = mj.MjModel.from_xml_string(text)
     except ValueError as error:
         return Witness("mujoco", None, {}, " ".join(str(error).split()))
@@ -144,7 +144,7 @@ def mujoco_witness(text: str, content: Content, q: Array, dq: Array, ddq: Array,
 
 
 @contextmanager
-def _without_log(mj: Any) -> Generator[None]:
+def without_log(mj: Any) -> Generator[None]:
     """Prevents MuJoCo from writing its warnings into a file in the working folder."""
     before = mj.get_mju_user_warning()
     mj.set_mju_user_warning(_ignore_warning)

@@ -50,7 +50,7 @@ def heading_of_run(page_data: PageData) -> Heading:
     """Heading of the page of a run: time and place of the identification, recordings, folder, picture of the arm."""
     run, estimate = page_data.run, page_data.run.estimate
     origin = run.made
-    when = _date(origin.at) if origin.at else "date not recorded"
+    when = date_text(origin.at) if origin.at else "date not recorded"
     where = f" on {origin.host}" if origin.host else ""
     program = f", armid {origin.version}" if origin.version else ""
     facts = [("identified", f"{when}{where}{program}, in {short(estimate.seconds, 2)} s")]
@@ -125,7 +125,7 @@ def _recordings(page_data: PageData, role: str) -> str:
     return ", ".join(texts[:MAX_RECORDINGS] if rest else texts) + rest
 
 
-def _date(at: str) -> str:
+def date_text(at: str) -> str:
     """Date such as 3 May 2025, 14:07 (UTC+02:00); a text that is not an ISO date is returned unchanged."""
     try:
         when = datetime.fromisoformat(at)

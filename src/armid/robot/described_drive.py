@@ -18,11 +18,17 @@ class DescribedServo:
         stiffness: K [N·m/rad or N/m].
         damping: D [N·m·s/rad or N·s/m].
         offset: b [rad or m].
+        damping_ratio: Ratio from which a simulator computes further damping, which is not part of `damping`.
+        command_range: Lowest and highest command that has an effect [rad or m]; `None` without such a range.
+        actuators: Number of actuators of the joint; only the first position servo is described here.
     """
 
     stiffness: float
     damping: float = 0.0
     offset: float = 0.0
+    damping_ratio: float = 0.0
+    command_range: tuple[float, float] | None = None
+    actuators: int = 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,7 @@ from armid.runs.run import Run
 from armid.study.compare_methods import MethodEstimate, MethodScore, MethodTable
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, Study, parse_robot, resolve_model
 from armid.study.identify import Result
+from armid.study.servos.choice import ServoChoice
 from armid.study.storage.records import SelectionSummary, selection_summary
 from armid.validation.left_out_error import LeftOutError
 from armid.validation.torque_validation import Check, Score, Validation
@@ -70,7 +71,7 @@ def read_records(run: Run) -> RunRecords:
     friction, methods = (_read(run, name) if _path(run, name).is_file() else None for name in ("friction", "compare"))
     with boundary("records of a run of this version of armid", run.folder, remedy="identify again."):
         return RunRecords(
-            _study(study),
+            study_of_record(study),
             _of_joints(_validation(validation), run.robot.n),
             None if friction is None else _selection(friction),
             None if methods is None else _methods(methods),
@@ -126,7 +127,7 @@ def _read(run: Run, name: str) -> dict[str, Any]:
     return read_json(_path(run, name), "a record of a run", remedy="identify again.")
 
 
-def _study(record: Mapping[str, Any]) -> Study:
+def study_of_record(record: Mapping[str, Any]) -> Study:
     """Study from the record `study.json` of a run."""
     recordings = tuple(
         RecordingChoice(each["path"], each["role"], LogFormat(**each["reading"]), tuple(each["part"]))
@@ -139,6 +140,7 @@ def _study(record: Mapping[str, Any]) -> Study:
         ProcessingOptions(**record["processing"]),
         EstimationChoice(**record["estimation"]),
         str(record["folder"]),
+        ServoChoice(**record.get("servo", {})),
     )
 
 

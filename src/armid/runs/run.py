@@ -185,6 +185,12 @@ def load_run(folder: Path | str) -> Run:
     folder = completed(folder)
     with boundary(RUN, folder, remedy="give the folder that armid identify made."):
         made = (folder / MARKER).is_file()
+    if not made and (folder / "servo.json").is_file():
+        raise ArmidError(
+            f"{folder} is a result of armid servo, which has no model of torques for this command.",
+            possible="armid report, armid validate and armid preview",
+            remedy="use the files of the folder, such as model.xml, or identify from torques with armid identify.",
+        )
     if not made:
         raise ArmidError(f"{folder} is not a run of armid.", remedy="give the folder that armid identify made.")
     kept = _model_record(folder)

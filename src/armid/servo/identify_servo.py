@@ -51,6 +51,7 @@ class ServoEstimate:
         refined: True if the output error was minimised; false if the first estimate was kept.
         left_out: Closed-loop error of the refined and of the first estimate on parts that were left out of training.
         training: Closed-loop error on the training runs.
+        without_left_out: Parameters that were estimated without the left-out parts, in the way that was kept.
     """
 
     model: ServoModel
@@ -61,6 +62,7 @@ class ServoEstimate:
     refined: bool
     left_out: tuple[ClosedLoopError, ClosedLoopError]
     training: ClosedLoopError
+    without_left_out: ServoParameters
 
 
 @one_blas_thread
@@ -113,7 +115,8 @@ def identify_servo(
         unknowns = Unknowns(model, unknowns.mean, unknowns.deviations)
         fit = minimise_output_error(unknowns, runs, start=fit.x, progress=lambda share: tell("shorter steps", share))
     training = closed_loop_error(model, fit.parameters, runs, after=TRANSIENT)
-    return ServoEstimate(model, unknowns, first, fit, fit.parameters, refined, left_out, training)
+    kept = partial.parameters if refined else start.mean
+    return ServoEstimate(model, unknowns, first, fit, fit.parameters, refined, left_out, training, kept)
 
 
 def described_bodies(robot: Robot) -> Array:

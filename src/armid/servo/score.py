@@ -31,7 +31,8 @@ class ClosedLoopError:
         return float(np.sqrt(np.mean(self.joints**2)))
 
 
-def _error(differences: Sequence[Array]) -> ClosedLoopError:
+def error_of(differences: Sequence[Array]) -> ClosedLoopError:
+    """Error from the differences of positions (N, n) of each run."""
     squares = np.array([np.mean(each**2, axis=0) for each in differences])
     return ClosedLoopError(np.sqrt(squares.mean(axis=0)), np.sqrt(squares.mean(axis=1)))
 
@@ -49,9 +50,9 @@ def closed_loop_error(
     """
     found = simulate(model, parameters, runs)
     first = [min(round(after / run.step), run.samples // 2) for run in runs]
-    return _error([(run.q - each.q)[k:] for run, each, k in zip(runs, found, first, strict=True)])
+    return error_of([(run.q - each.q)[k:] for run, each, k in zip(runs, found, first, strict=True)])
 
 
 def command_error(runs: Sequence[ServoRun]) -> ClosedLoopError:
     """Error of a model in which each joint is where its command is."""
-    return _error([run.q - run.held(run.time) for run in runs])
+    return error_of([run.q - run.held(run.time) for run in runs])

@@ -27,7 +27,7 @@ NoReport = Annotated[bool, typer.Option("--no-report", help=f"Do not write {PAGE
 
 
 def report(
-    run: Annotated[str, typer.Argument(metavar="RUN", help="Folder that armid identify made.")],
+    run: Annotated[str, typer.Argument(metavar="RUN", help="Folder that armid identify or armid servo made.")],
     other: Annotated[
         str | None, typer.Argument(metavar="[RUN]", help="A later run of the same arm; the page shows the changes.")
     ] = None,
@@ -46,23 +46,27 @@ def report(
         armid report runs/last_year runs/today --out change.html
     """
     from armid.cli.console import print_findings
+    from armid.cli.servos.servo_folder import report_servo
     from armid.errors import Finding
     from armid.report.data.page_data import gather
     from armid.report.page import write_comparison
     from armid.report.page import write_page as write_one
     from armid.report.rendering import require_extra
     from armid.runs.run import load_run
+    from armid.runs.servos.stored_servo import is_servo_folder
     from armid.study.storage.records import to_json
 
     require_extra()
     claim_run(other or run, out)
-    first = load_run(run)
     missing: tuple[str, ...] = ()
-    if other is None:
-        page_data = gather(first, data=data)
+    if other is None and is_servo_folder(run):
+        page = out or Path(run) / PAGE
+        missing = report_servo(run, page, data)
+    elif other is None:
+        page_data = gather(load_run(run), data=data)
         page, missing = write_one(page_data, out or Path(run) / PAGE), page_data.missing
     else:
-        page = write_comparison(first, load_run(other), out or Path(other) / "comparison.html")
+        page = write_comparison(load_run(run), load_run(other), out or Path(other) / "comparison.html")
     if json:
         sys.stdout.write(to_json({"report": str(page), "bytes": page.stat().st_size}) + "\n")
     else:

@@ -6,7 +6,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -64,7 +64,7 @@ Page = Annotated[
 
 
 def validate(
-    run: Annotated[str, typer.Argument(help="Folder that armid identify made.")],
+    run: Annotated[str, typer.Argument(help="Folder that armid identify or armid servo made.")],
     recordings: Annotated[list[str], typer.Argument(metavar="RECORDING…", help="Recordings of the same arm.")],
     rate: Rate = None,
     torque_sign: TorqueSign = None,
@@ -92,12 +92,16 @@ def validate(
     """
     from armid.cli.commands.validate_rollout import check_files, roll_out, write_files
     from armid.cli.console import print_findings
-    from armid.runs.rollout import judged_by_motion, motion_record
+    from armid.runs.rollout import judged_by_motion
     from armid.runs.run import load_run, with_edges
+    from armid.runs.servos.stored_servo import is_servo_folder
     from armid.runs.validation_and_prediction import validate_run
     from armid.study.plausibility.recording_errors import contradictions
-    from armid.study.storage.records import to_json, validation_record
 
+    if is_servo_folder(run):
+        refused = simulate or controller is not None or out is not None
+        changes = rate, torque_sign, columns, reading_lines, period, preset
+        raise typer.Exit(_validate_servo(run, recordings, changes, page, refused=refused, json=json))
     loaded = with_edges(load_run(run), edges)
     reading = changed_reading(loaded.log_format, rate, torque_sign, columns, reading_lines, period, preset)
     check_files(out, page)
@@ -110,11 +114,7 @@ def validate(
         validation = judged_by_motion(validation, rollout.scores, closed=rollout.closed)
         written = write_files(loaded, rollout, out, page)
     if json:
-        record = validation_record(validation)
-        if rollout is not None:
-            record["motion"] = motion_record(rollout.scores, closed=rollout.closed)
-            record["files"] = [str(path) for path in written]
-        sys.stdout.write(to_json(record) + "\n")
+        sys.stdout.write(_json(validation, rollout, written))
     else:
         _print(loaded, validation, rollout, written)
     print_findings(findings)
@@ -122,6 +122,35 @@ def validate(
         if torque_verdict == "fail" and not json and not contradictions(findings):
             _advise_recalibration(run, recordings)
         raise typer.Exit(1)
+
+
+def _validate_servo(
+    folder: str, recordings: Sequence[str], changes: tuple[Any, ...], page: Path | None, *, refused: bool, json: bool
+) -> int:
+    """Validate a result of `armid servo`, and return the exit code; `changes` are arguments of `changed_reading`."""
+    from armid.cli.servos.servo_folder import validate_servo_folder
+    from armid.errors import ArmidError
+    from armid.measurement.log_format import LogFormat
+
+    if refused:
+        raise ArmidError(
+            f"{folder} is a result of armid servo, which is always validated by simulated motion.",
+            remedy="leave out --simulate, --controller and --out; --page FILE.html plots the motion.",
+        )
+    reading = changed_reading(LogFormat(), *changes)
+    return 0 if validate_servo_folder(folder, recordings, reading, page, json=json) else 1
+
+
+def _json(validation: Validation, rollout: RunRollout | None, written: Sequence[Path]) -> str:
+    """Validation and rollout as one JSON object."""
+    from armid.runs.rollout import motion_record
+    from armid.study.storage.records import to_json, validation_record
+
+    record = validation_record(validation)
+    if rollout is not None:
+        record["motion"] = motion_record(rollout.scores, closed=rollout.closed)
+        record["files"] = [str(path) for path in written]
+    return to_json(record) + "\n"
 
 
 def _advise_recalibration(run: str, recordings: Sequence[str]) -> None:

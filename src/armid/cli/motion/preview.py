@@ -28,7 +28,9 @@ SKELETON = "; it draws the joint axes and the lines between them, because bodies
 ArmOrRun = Annotated[
     str,
     typer.Argument(
-        metavar="ROBOT | RUN", help="The arm, or a folder that armid identify made.", autocompletion=known_arms
+        metavar="ROBOT | RUN",
+        help="The arm, or a folder that armid identify or armid servo made.",
+        autocompletion=known_arms,
     ),
 ]
 
@@ -72,22 +74,24 @@ def preview(
     from armid.cli.console import print_missing_meshes
     from armid.report.preview.make_preview import preview_of
     from armid.report.preview.page import write_preview
+    from armid.report.preview.servo_preview import clip_of_servo, layer_of_servo, servo_in
     from armid.report.rendering import require_extra
     from armid.study.config import load_choice
 
     require_extra("jinja2")
-    run, motion_run = _run(robot), _run(motion)
+    run, motion_run, servo = _run(robot), _run(motion), servo_in(robot)
     choice = robot_choice(robot, gravity, lock, only, tip, package)
-    arm = load_choice(choice) if run is None else _with_meshes(run) if package else run.robot
-    known_run, default_folder = motion_run or run, Path(robot) if run and motion is None else Path()
+    known = run or servo
+    arm = load_choice(choice) if known is None else _with_meshes(run) if run and package else known.robot
+    known_run, default_folder = motion_run or run, Path(robot) if (run or servo) and motion is None else Path()
     with print_missing_meshes(quiet=json):
         made = preview_of(
             arm,
-            motion_run or motion or run,
+            motion_run or motion or run or (None if servo is None else clip_of_servo(servo, data)),
             reading=_reading(known_run, given(columns, rate)),
             data=data,
             surroundings=_surroundings(arm, floor, environment),
-            estimate=_estimate(known_run, arm),
+            estimate=_estimate(known_run, arm) if servo is None else layer_of_servo(servo),
         )
         path, missing = write_preview(made, out or default_folder / PAGE)
     _report(path, missing, json=json)

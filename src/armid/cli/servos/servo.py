@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from armid.cli.commands.identify import HeldOut, Inputs
+from armid.cli.commands.report import NoReport
 from armid.cli.log_format_options import Columns, Rate, TimeUnit, Units, given
 from armid.cli.options import Gravity, Json, Lock, Only, Out, Package, TipLink, run_folder
 
 if TYPE_CHECKING:
+    from armid.runs.servos.stored_servo import StoredServo
     from armid.study.config import Study
     from armid.study.servos.identification import ServoResult
 
@@ -30,7 +33,6 @@ Damping = Annotated[
         help="Known damping of the servos, N·m·s/rad; part of the viscous friction if not given.",
     ),
 ]
-MODEL = "model.xml"
 
 
 def servo(
@@ -48,6 +50,7 @@ def servo(
     columns: Columns = None,
     time_unit: TimeUnit = None,
     out: Out = None,
+    no_report: NoReport = False,
     json: Json = False,
 ) -> None:
     """Identify servos, friction and links of an arm from commands and measured positions, without any torque.
@@ -60,27 +63,51 @@ def servo(
 
         armid servo go2.xml stand.csv --lock base --stiffness 20 --damping 1.5
     """
-    from armid.cli.console import print_findings, progress
-    from armid.cli.servos.servo_result import print_servo_result
+    from armid.cli.console import progress
+    from armid.runs.servos.stored_servo import refuse_servo_folder
     from armid.study.servos.identification import identify_servo_study
-    from armid.study.servos.record import servo_record
-    from armid.study.storage.records import to_json
 
     reading = given(columns, rate, None, units, time_unit, None, None)
     study = _study(inputs, validate or [], reading, (gravity, lock, only, tip, package), stiffness, damping)
     folder = run_folder(out, "servo") if out is None else out
-    _refuse(folder)
+    refuse_servo_folder(folder)
     with progress(quiet=json) as tell:
         result = identify_servo_study(study, progress=tell)
-    _save(result, folder)
-    if json:
-        sys.stdout.write(to_json({**servo_record(result), "run": str(folder)}) + "\n")
-    else:
-        print_servo_result(result)
-        sys.stdout.write(f"result written to {folder}: servo.json, and {MODEL} with actuators\n")
-    print_findings(list(result.findings))
-    if result.score is not None and not result.score.model.total < result.score.command.total:
+    if _deliver(result, folder, page=not no_report, json=json) == "fail":
         raise typer.Exit(1)
+
+
+def _deliver(result: ServoResult, folder: Path, *, page: bool, json: bool) -> str:
+    """Write the folder with the files for other programs and the page, print the result, and return the verdict."""
+    from armid.cli.commands.report import PAGE, attempt
+    from armid.cli.console import print_findings
+    from armid.cli.servos.servo_result import print_servo_result
+    from armid.export.servos.deliver import delivered
+    from armid.runs.servos.stored_servo import save_servo, stored_servo_of
+    from armid.study.servos.record import servo_record
+    from armid.study.storage.records import to_json
+
+    stored = stored_servo_of(result, folder)
+    delivery = delivered(stored, result.validation or result.training)
+    stored = replace(stored, findings=(*stored.findings, *delivery.findings))
+    save_servo(result, stored, delivery.files, delivery.check)
+    if json:
+        record = servo_record(replace(result, findings=stored.findings))
+        sys.stdout.write(to_json({**record, "run": str(folder)}) + "\n")
+    else:
+        print_servo_result(stored)
+    print_findings(list(stored.findings))
+    written = ["servo.json", *delivery.files]
+    if page and attempt(PAGE, lambda: _write_page(result, stored)):
+        written.append(PAGE)
+    if not json:
+        if delivery.check:
+            sys.stdout.write(
+                f"MuJoCo {delivery.check['mujoco']} moves model.xml like armid, within "
+                f"{1e3 * delivery.check['total']:.2g} mrad (mm) RMS\n"
+            )
+        sys.stdout.write(f"result written to {folder}: {', '.join(written)}\n")
+    return stored.errors.verdict
 
 
 def _study(
@@ -92,8 +119,6 @@ def _study(
     damping: str | None,
 ) -> Study:
     """Study in a file, or a new one of the arm and the recordings; options of the servos replace those of a file."""
-    from dataclasses import replace
-
     from armid.cli.study_arguments import study_of
 
     gains = {"stiffness": _numbers(stiffness, "--stiffness"), "damping": _numbers(damping, "--damping")}
@@ -117,20 +142,10 @@ def _numbers(text: str | None, option: str) -> tuple[float, ...] | None:
         ) from None
 
 
-def _refuse(folder: Path) -> None:
-    """Raises an error, before any work is done, if the folder must not be replaced."""
-    from armid.study.storage.atomic_folder import refuse
+def _write_page(result: ServoResult, stored: StoredServo) -> None:
+    """Write the page of a result into its folder, with the recordings that are in memory."""
+    from armid.cli.commands.report import PAGE
+    from armid.report.servos.page import write_servo_page
+    from armid.report.servos.page_data import gather_servo
 
-    refuse(folder, "servo.json", "result of armid servo")
-
-
-def _save(result: ServoResult, folder: Path) -> None:
-    """Write the folder: the record, and an MJCF with actuators."""
-    from armid.export.servos.mjcf_actuators import servo_mjcf
-    from armid.study.servos.record import servo_record
-    from armid.study.storage.atomic_folder import whole_folder
-    from armid.study.storage.records import to_json
-
-    with whole_folder(folder, "servo.json", "result of armid servo") as draft:
-        (draft / "servo.json").write_text(to_json(servo_record(result)) + "\n", encoding="utf-8")
-        (draft / MODEL).write_bytes(servo_mjcf(result.estimate.model, result.estimate.parameters))
+    write_servo_page(gather_servo(stored, result.validation or result.training), Path(stored.folder) / PAGE)

@@ -109,7 +109,7 @@ def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
     tree = tree_of_mjcf(plain)
     frames = {frame.name: frame for _, frame in tree.bodies()}
     # The plain form splits a body with several joints; only the last part is a body of the file.
-    there = {name for node, name in _names(Document(source.data).root).items() if node.tag == "body"}
+    there = {name for node, name in names_of(Document(source.data).root).items() if node.tag == "body"}
     found: list[Body] = []
     for name, frame in frames.items():
         if frame.joint < 0 or name not in there:
@@ -129,7 +129,7 @@ def write(content: Content) -> WrittenDescription:
         return _fresh(content)
     document = Document(content.source.data)
     _refuse_computed(document.root)
-    names = _names(document.root)
+    names = names_of(document.root)
     for node, name in names.items():
         if node.tag == "body" and name in (content.bodies or {}):
             _edit_inertial(document, node, (content.bodies or {})[name], name)
@@ -170,7 +170,7 @@ def _plain(data: bytes, locked: Mapping[str, float], folder: Path | None = None)
     return plain_mjcf(root, "the description", locked, folder=folder)
 
 
-def _names(root: XmlNode) -> dict[XmlNode, str]:
+def names_of(root: XmlNode) -> dict[XmlNode, str]:
     """Names of bodies and joints; the keys are their XML elements.
 
     Elements without a name get the name that the reader gives.

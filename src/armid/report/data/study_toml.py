@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from armid.study.config import Study
 from armid.study.storage.records import plain, study_record
 from armid.toml_writing import to_toml
@@ -18,15 +21,29 @@ def study_to_toml(study: Study) -> str:
     record = plain(study_record(study))
     estimation = record["estimation"]
     options = {f"estimation.{name}": table for name, table in estimation["options"].items() if table}
-    recordings = [
-        {**{key: value for key, value in each.items() if key != "reading"}, **each["reading"]}
-        for each in record["recordings"]
-    ]
     tables = {
         "robot": record["robot"],
         "model": {"terms": record["model"]["terms"], **record["model"]["shapes"]},
-        "recording": recordings,
+        "recording": _recordings(record),
         "processing": record["processing"],
         "estimation": {key: value for key, value in estimation.items() if key != "options"},
     }
     return to_toml({**tables, **options})
+
+
+def servo_study_to_toml(study: Study) -> str:
+    """Text of a `study.toml` for `armid servo`, with all values that it uses.
+
+    Args:
+        study: The study of a servo result.
+    """
+    record = plain(study_record(study))
+    return to_toml({"robot": record["robot"], "recording": _recordings(record), "servo": record["servo"]})
+
+
+def _recordings(record: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Tables `[[recording]]` of the record of a study, in which the log format is not a table of its own."""
+    return [
+        {**{key: value for key, value in each.items() if key != "reading"}, **each["reading"]}
+        for each in record["recordings"]
+    ]

@@ -30,7 +30,7 @@ from armid.study.recordings.reading import read_choice
 
 def preview_of(
     robot: Robot,
-    motion: str | Run | None,
+    motion: str | Run | Clip | None,
     *,
     reading: LogFormat | None = None,
     data: Path | str | None = None,
@@ -41,8 +41,8 @@ def preview_of(
 
     Args:
         robot: The arm.
-        motion: A plan, the folder of a plan, a recording, or a run; for a run, a validation recording is shown. With
-            `None` the arm is at rest.
+        motion: A plan, the folder of a plan, a recording, a clip, or a run; for a run, a validation recording is
+            shown. With `None` the arm is at rest.
         reading: Log format of a recording.
         data: Folder that is searched first for a run's recordings.
         surroundings: Fixed bodies, in addition to those of a plan.
@@ -56,6 +56,8 @@ def preview_of(
         clip = still(_rest(robot), "standing")
     elif isinstance(motion, Run):
         clip = _of_run(motion, data)
+    elif isinstance(motion, Clip):
+        clip = motion
     elif is_plan(motion):
         plan, known = read_whole_plan(motion)
         clip, around = clip_of_plan(plan, motion), (*around, *known)

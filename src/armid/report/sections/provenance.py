@@ -6,6 +6,7 @@ import platform
 from collections.abc import Sequence
 from importlib.metadata import version
 
+from armid.errors import Finding
 from armid.estimation.estimate_record import InputDigest
 from armid.information.information import FactorOrigin
 from armid.report.data.findings import remedy_words
@@ -38,17 +39,26 @@ def show_provenance(page_data: PageData) -> Section:
         ("terms", ", ".join(term.name for term in estimate.terms)),
         ("kernel", _kernel(estimate.made_by)),
         ("time", f"{estimate.seconds:.2f} s"),
-        ("page made with", ", ".join(f"{name} {version(name)}" for name in PACKAGES)),
-        ("Python", platform.python_version()),
+        *page_versions(),
     ]
-    findings = [(f.code, f.severity, f.channel, f.evidence, remedy_words(f)) for f in estimate.findings]
     content = {
         "made": made,
         "study": study_to_toml(page_data.study),
         "folder": page_data.study.folder,
-        "findings": findings,
+        "findings": findings_of(estimate.findings),
     }
     return Section("Provenance", content, (table,))
+
+
+def page_versions() -> list[tuple[str, str]]:
+    """Versions of the packages and of Python that make a page, as name and text."""
+    packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    return [("page made with", packages), ("Python", platform.python_version())]
+
+
+def findings_of(findings: Sequence[Finding]) -> list[tuple[str, str, str, str, str]]:
+    """Code, severity, channel, evidence and remedy of each finding, as text."""
+    return [(f.code, f.severity, f.channel, f.evidence, remedy_words(f)) for f in findings]
 
 
 def _kernel(made_by: FactorOrigin) -> str:

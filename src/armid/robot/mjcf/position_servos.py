@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from armid.robot.described_drive import DescribedDrive, DescribedServo
+from armid.robot.mjcf.force_limits import range_in_effect
 from armid.robot.mjcf.settings import ACTUATORS, Settings
 from armid.robot.xml import numbers
 
@@ -18,9 +20,12 @@ def position_servos(root: ET.Element, settings: Settings) -> Iterator[tuple[str,
     """Yields names of joints and their position servos.
 
     These are actuators `position`, and `general` with a fixed gain kp and the affine bias -kp q - kv q̇. The gear must
-    be 1. Damping that is stated by a ratio depends on the mass matrix in MuJoCo, and is taken as zero.
+    be 1. Damping that is stated by a ratio depends on the mass matrix in MuJoCo; the ratio is kept, and the damping
+    is zero.
     """
-    for element in (a for section in root.findall("actuator") for a in section if a.tag in ACTUATORS):
+    elements = [a for section in root.findall("actuator") for a in section if a.tag in ACTUATORS]
+    number = Counter(settings.resolved(each, "main", "actuator").get("joint", "") for each in elements)
+    for element in elements:
         actuator = settings.resolved(element, "main", "actuator")
         name, source = actuator.get("joint", ""), settings.source
         where = f"the actuator of {name!r}"
@@ -38,13 +43,20 @@ def position_servos(root: ET.Element, settings: Settings) -> Iterator[tuple[str,
             stiffness, damping, offset = gain[0], -bias[2], -bias[0] / gain[0] if gain[0] else 0.0
         else:
             continue
+        ratio = 0.0
+        if actuator.tag == "position" and damping == 0.0:
+            ratio = (numbers(actuator, "dampratio", 1, source, where) or [0.0])[0]
+        ends = range_in_effect(actuator, "ctrlrange", settings, where, [])
+        bounds = None if ends is None else (ends[0], ends[1])
         if stiffness > 0.0 and damping >= 0.0:
-            yield name, DescribedServo(stiffness, damping, offset)
+            yield name, DescribedServo(stiffness, damping, offset, max(ratio, 0.0), bounds, number[name])
 
 
 def with_position_servos(
     drives: Mapping[str, DescribedDrive], root: ET.Element, settings: Settings
 ) -> dict[str, DescribedDrive]:
     """Drives of the joints, with the position servos of the document."""
-    servos = dict(position_servos(root, settings))
+    servos: dict[str, DescribedServo] = {}
+    for name, servo in position_servos(root, settings):
+        servos.setdefault(name, servo)
     return {name: replace(drive, servo=servos.get(name)) for name, drive in drives.items()}

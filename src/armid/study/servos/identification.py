@@ -5,22 +5,27 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import Finding
 from armid.measurement.recording import Recording
 from armid.model.terms import TERMS
 from armid.robot import Robot
+from armid.servo.closed_loop import simulate
 from armid.servo.estimate_table import EstimatedValue, estimated_values
 from armid.servo.identify_servo import ServoEstimate, identify_servo
-from armid.servo.parameters import described_parameters, make_servo_model
-from armid.servo.score import ClosedLoopError, closed_loop_error, command_error
+from armid.servo.parameters import ServoModel, ServoParameters, described_parameters, make_servo_model
+from armid.servo.position_band import band_coverage, position_band
+from armid.servo.score import ClosedLoopError, closed_loop_error, command_error, error_of
 from armid.servo.servo_run import ServoRun, servo_runs
 from armid.study.config import RecordingChoice, Study, load_choice
 from armid.study.progress import Progress, no_progress
 from armid.study.recordings.reading import read_all
 from armid.study.servos.choice import servo_options
+from armid.study.servos.described_servo_findings import described_servo_findings
 
 USED = 0.9
 """Share of a recording from which the unused rest is not worth a finding."""
@@ -34,11 +39,18 @@ class ServoScore:
         model: Error of the identified arm.
         command: Error of an arm whose joints are where their commands are.
         described: Error of the description as it stands, with its own servos; `None` if it has none.
+        coverage: Share of the samples of each joint that are inside the 95 % band of the position, shape (n,).
     """
 
     model: ClosedLoopError
     command: ClosedLoopError
     described: ClosedLoopError | None
+    coverage: Array
+
+    @property
+    def verdict(self) -> Literal["pass", "fail"]:
+        """`pass` if the identified arm predicts motion better than its commands do."""
+        return "pass" if self.model.total < self.command.total else "fail"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -47,25 +59,32 @@ class ServoResult:
 
     Attributes:
         study: The study.
-        robot: The arm.
         estimate: The estimate.
         values: Gains, friction, rotor inertias, offsets and delays with intervals.
         training: Training runs.
         validation: Validation runs.
         score: Errors on the validation runs; `None` without such runs.
+        band: Half width of the 95 % band of the position of each joint, shape (n,) [rad or m].
         findings: Findings about description, recordings and estimate.
         seconds: Duration of the identification [s].
+        digests: Digests (sha256) of the recordings of the study, in its order.
     """
 
     study: Study
-    robot: Robot
     estimate: ServoEstimate
     values: tuple[EstimatedValue, ...]
     training: tuple[ServoRun, ...]
     validation: tuple[ServoRun, ...]
     score: ServoScore | None
+    band: Array
     findings: tuple[Finding, ...]
     seconds: float
+    digests: tuple[str, ...]
+
+    @property
+    def robot(self) -> Robot:
+        """The arm."""
+        return self.estimate.model.robot
 
 
 def identify_servo_study(
@@ -94,23 +113,41 @@ def identify_servo_study(
     }
     estimate = identify_servo(model, parts["train"], options, tell)
     tell("validation", 0.0)
-    score = None
-    if parts["validate"]:
-        described = described_parameters(model)
-        score = ServoScore(
-            closed_loop_error(model, estimate.parameters, parts["validate"]),
-            command_error(parts["validate"]),
-            None if described is None else closed_loop_error(model, described, parts["validate"]),
-        )
+    band = position_band(estimate, parts["train"])
+    score = servo_score(model, estimate.parameters, parts["validate"], band) if parts["validate"] else None
     values = tuple(estimated_values(estimate, list(parts["train"])))
     findings = (
         *robot.findings,
         *(each for found in read_findings for each in found),
         *unused_findings(recordings, parts),
+        *described_servo_findings(robot, (*parts["train"], *parts["validate"])),
         *estimate_findings(estimate),
     )
     seconds = time.perf_counter() - began
-    return ServoResult(study, robot, estimate, values, parts["train"], parts["validate"], score, findings, seconds)
+    digests = tuple(recording.sha256 for _, recording in recordings)
+    return ServoResult(
+        study, estimate, values, parts["train"], parts["validate"], score, band, findings, seconds, digests
+    )
+
+
+def servo_score(model: ServoModel, parameters: ServoParameters, runs: Sequence[ServoRun], band: Array) -> ServoScore:
+    """Errors of an identified arm on validation runs, beside those of its commands and of its description.
+
+    Args:
+        model: Arm and friction laws.
+        parameters: Identified parameters.
+        runs: Validation runs.
+        band: Half width of the 95 % band of the position of each joint, shape (n,) [rad or m].
+    """
+    described = described_parameters(model)
+    simulated = simulate(model, parameters, runs)
+    errors = [run.q - each.q for run, each in zip(runs, simulated, strict=True)]
+    return ServoScore(
+        error_of(errors),
+        command_error(runs),
+        None if described is None else closed_loop_error(model, described, runs),
+        band_coverage(errors, band),
+    )
 
 
 def unused_findings(

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
-from armid.servo.parameters import ServoParameters
 from armid.servo.score import ClosedLoopError
-from armid.study.servos.identification import ServoResult
+from armid.study.servos.identification import ServoResult, ServoScore
 from armid.study.storage.records import finding_record, study_record
 
-SERVO_FORMAT = 1
+SERVO_FORMAT = 2
 """Number of the format of `servo.json`."""
 
 PARAMETERS = ("inertial", "rotor_inertia", "friction", "stiffness", "damping", "limit", "offset", "delay")
@@ -34,9 +31,9 @@ def servo_record(result: ServoResult) -> dict[str, Any]:
         }
         for each in result.values
     ]
-    score = result.score
     return {
         "format": SERVO_FORMAT,
+        "verdict": "not judged" if result.score is None else result.score.verdict,
         "robot": result.robot.name,
         "joints": list(joints),
         "values": values,
@@ -45,27 +42,26 @@ def servo_record(result: ServoResult) -> dict[str, Any]:
         "refined": estimate.refined,
         "left_out": {"refined": error_record(estimate.left_out[0]), "first": error_record(estimate.left_out[1])},
         "training": error_record(estimate.training),
-        "validation": None
-        if score is None
-        else {
-            "model": error_record(score.model),
-            "command": error_record(score.command),
-            "described": None if score.described is None else error_record(score.described),
-        },
+        "band": result.band,
+        "validation": None if result.score is None else score_record(result.score),
         "noise": {"rms": estimate.fit.rms, "correlation_rows": estimate.fit.correlation},
         "seconds": result.seconds,
+        "sha256": {"description": result.robot.sha256, "recordings": list(result.digests)},
         "warnings": [finding_record(each) for each in result.findings],
         "study": study_record(result.study),
+    }
+
+
+def score_record(score: ServoScore) -> dict[str, Any]:
+    """Errors on validation runs, and the share of the samples of each joint inside the band of the position."""
+    return {
+        "model": error_record(score.model),
+        "command": error_record(score.command),
+        "described": None if score.described is None else error_record(score.described),
+        "coverage": score.coverage,
     }
 
 
 def error_record(error: ClosedLoopError) -> dict[str, Any]:
     """Closed-loop error: of each joint, of each run, and over all [rad or m]."""
     return {"joints": error.joints, "runs": error.runs, "total": error.total}
-
-
-def parameters_of_record(record: dict[str, Any]) -> ServoParameters:
-    """Parameters in a record that `servo_record` made; a limit that is null is infinite."""
-    values = {name: np.array(record["parameters"][name], dtype=np.float64) for name in PARAMETERS}
-    values["limit"] = np.where(np.isnan(values["limit"]), np.inf, values["limit"])
-    return ServoParameters(**values)

@@ -1,0 +1,1 @@
+"""Results of `armid servo` in a folder."""
