@@ -6,9 +6,11 @@ import re
 
 import pytest
 
+from armid.doctor import CHECKS
 from armid.measurement.log_format import LogFormat
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.servos.choice import ServoChoice
+from armid.study.servos.command_checks import COMMAND_CHECKS
 from armid.study.servos.identification import identify_servo_study
 
 TRAINING = {
@@ -23,6 +25,9 @@ HELD_OUT = ("lissajous_pattern", "trapezoidal_profile", "hold_under_gravity", "c
 
 OF_DESCRIPTION, OF_COMMAND = 0.60, 0.42
 """Largest error relative to that of the community's description of the SO-101, and to that of command = position."""
+
+COMMAND_CODES = {code for name in COMMAND_CHECKS for code in CHECKS[name].effects}
+"""Faults of commands; these recordings have none."""
 
 GO2_ERROR = 7.0e-3
 """Largest error [rad] of the Go2: another program's output error reaches 6.6 mrad with as many unknowns."""
@@ -39,6 +44,7 @@ def test_so101(shared_data):
     assert result.score.model.total < OF_DESCRIPTION * result.score.described.total
     assert result.score.model.total < OF_COMMAND * result.score.command.total
     assert not any(each.severity == "error" for each in result.findings)
+    assert not any(each.code in COMMAND_CODES for each in result.findings)
 
 
 def test_go2_on_a_stand(shared_data, tmp_path):
@@ -55,6 +61,7 @@ def test_go2_on_a_stand(shared_data, tmp_path):
     result = identify_servo_study(study)
     assert result.score is not None
     assert result.score.model.total < GO2_ERROR
+    assert not any(each.code in COMMAND_CODES for each in result.findings)
 
 
 @pytest.mark.parametrize("name", ["so101_new_calib.xml", "so101_new_calib.urdf"])

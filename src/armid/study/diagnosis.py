@@ -148,7 +148,7 @@ def _no_effort(raw: Recording) -> Finding:
         "log the torque or motor current of each joint; if the file has these columns, give their names with the key "
         "`columns` of the recording"
     )
-    return Finding("effort-missing", "error", "effort", evidence, remedy)
+    return Finding("effort-missing", "error" if raw.command is None else "info", "effort", evidence, remedy)
 
 
 def _standstill(recording: Recording, processing: ProcessingOptions) -> list[Finding]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armid.errors import Finding
+from armid.errors import EstimationError, Finding
 from armid.measurement.recording import Recording
 from armid.model.terms import TERMS
 from armid.robot import Robot
@@ -18,9 +18,11 @@ from armid.servo.parameters import described_parameters, make_servo_model
 from armid.servo.score import ClosedLoopError, closed_loop_error, command_error
 from armid.servo.servo_run import ServoRun, servo_runs
 from armid.study.config import RecordingChoice, Study, load_choice
+from armid.study.diagnosis import diagnosed_error
 from armid.study.progress import Progress, no_progress
 from armid.study.recordings.reading import read_all
 from armid.study.servos.choice import servo_options
+from armid.study.servos.command_checks import command_findings
 
 USED = 0.9
 """Share of a recording from which the unused rest is not worth a finding."""
@@ -92,7 +94,11 @@ def identify_servo_study(
         role: tuple(run for choice, recording in recordings if choice.role == role for run in servo_runs(recording))
         for role in ("train", "validate")
     }
-    estimate = identify_servo(model, parts["train"], options, tell)
+    faults = command_findings(robot, recordings)
+    try:
+        estimate = identify_servo(model, parts["train"], options, tell)
+    except EstimationError as error:
+        raise diagnosed_error(error, faults) from error
     tell("validation", 0.0)
     score = None
     if parts["validate"]:
@@ -106,6 +112,7 @@ def identify_servo_study(
     findings = (
         *robot.findings,
         *(each for found in read_findings for each in found),
+        *faults,
         *unused_findings(recordings, parts),
         *estimate_findings(estimate),
     )
