@@ -10,7 +10,6 @@ from armid.doctor import CHECKS
 from armid.measurement.log_format import LogFormat
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.servos.choice import ServoChoice
-from armid.study.servos.command_checks import COMMAND_CHECKS
 from armid.study.servos.identification import identify_servo_study
 
 TRAINING = {
@@ -26,7 +25,7 @@ HELD_OUT = ("lissajous_pattern", "trapezoidal_profile", "hold_under_gravity", "c
 OF_DESCRIPTION, OF_COMMAND = 0.60, 0.42
 """Largest error relative to that of the community's description of the SO-101, and to that of command = position."""
 
-COMMAND_CODES = {code for name in COMMAND_CHECKS for code in CHECKS[name].effects}
+COMMAND_CODES = {code for check in CHECKS.values() if check.needs_command for code in check.effects}
 """Faults of commands; these recordings have none."""
 
 GO2_ERROR = 7.0e-3

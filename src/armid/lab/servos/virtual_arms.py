@@ -36,7 +36,7 @@ USUAL_ERROR = 0.03
 SLOWEST = 20.0
 """Lowest angular eigenfrequency of a joint with the servo of another arm [rad/s]."""
 
-INERTIA, VISCOUS, DRY = 8e-4, 0.03, 4e-3
+INERTIA, VISCOUS, DRY = 4e-4, 0.012, 3e-3
 """Rotor inertia [s²], viscous friction [s] and Coulomb friction [rad or m] of other arms over the stiffness."""
 
 USUAL_DELAY = 0.01

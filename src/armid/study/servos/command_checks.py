@@ -4,22 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from armid.doctor import LogEvidence, examine
+from armid.doctor import CHECKS, LogEvidence, examine
 from armid.errors import Finding
 from armid.measurement.recording import Recording
 from armid.robot import Robot
 from armid.study.config import RecordingChoice
 from armid.study.diagnosis import merged
-
-COMMAND_CHECKS = (
-    "command-copied",
-    "command-order",
-    "command-exchanged",
-    "command-units",
-    "command-delay",
-    "servo-dead",
-)
-"""Checks of the doctor for logs of commands and positions."""
 
 
 def command_findings(robot: Robot, recordings: Sequence[tuple[RecordingChoice, Recording]]) -> list[Finding]:
@@ -29,9 +19,10 @@ def command_findings(robot: Robot, recordings: Sequence[tuple[RecordingChoice, R
         robot: The arm.
         recordings: Recordings in the robot's convention, with their options in the study.
     """
+    checks = [name for name, check in CHECKS.items() if check.needs_command]
     found = [
         (k, finding)
         for k, (choice, recording) in enumerate(recordings)
-        for finding in examine(LogEvidence(robot, recording, choice.reading, recording), COMMAND_CHECKS)
+        for finding in examine(LogEvidence(robot, recording, choice.reading, recording), checks)
     ]
     return merged([choice for choice, _ in recordings], found)

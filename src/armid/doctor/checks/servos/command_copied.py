@@ -76,4 +76,5 @@ CHECK = LogCheck(
     untested=dict.fromkeys(("command-copied", "command-constant"), "only a new recording removes the fault"),
     hides=("command-exchanged", "command-delay", "command-delay-changes", "command-units"),
     needs_torque=False,
+    needs_command=True,
 )

@@ -87,4 +87,5 @@ CHECK = LogCheck(
     },
     untested=dict.fromkeys(("command-delay", "command-delay-changes"), "the lag shows it without a model"),
     needs_torque=False,
+    needs_command=True,
 )

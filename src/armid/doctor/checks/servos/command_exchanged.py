@@ -48,4 +48,5 @@ CHECK = LogCheck(
     untested={"command-exchanged": "the lag shows it without a model"},
     hides=("command-delay", "command-delay-changes"),
     needs_torque=False,
+    needs_command=True,
 )

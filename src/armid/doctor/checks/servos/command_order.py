@@ -62,4 +62,5 @@ CHECK = LogCheck(
     untested={"command-order": "the correlations show it without a model"},
     hides=("command-exchanged", "command-units", "command-delay", "command-delay-changes", "servo-saturated"),
     needs_torque=False,
+    needs_command=True,
 )

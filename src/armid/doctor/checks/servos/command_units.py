@@ -63,4 +63,5 @@ CHECK = LogCheck(
     untested={"command-units": "no model is needed to compare a command with its own joint"},
     hides=("servo-saturated",),
     needs_torque=False,
+    needs_command=True,
 )

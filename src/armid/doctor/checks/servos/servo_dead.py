@@ -92,4 +92,5 @@ CHECK = LogCheck(
     },
     untested=dict.fromkeys(("servo-dead", "servo-saturated"), "only another motion or a repair removes the fault"),
     needs_torque=False,
+    needs_command=True,
 )
