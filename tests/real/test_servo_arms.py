@@ -8,7 +8,10 @@ import pytest
 
 from armid.doctor import CHECKS
 from armid.measurement.log_format import LogFormat
+from armid.measurement.readers import load_recording
+from armid.robot import load_robot
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
+from armid.study.diagnosis import diagnose_recording
 from armid.study.servos.choice import ServoChoice
 from armid.study.servos.identification import identify_servo_study
 
@@ -72,3 +75,21 @@ def test_servos_of_the_description(shared_data, name):
     robot = load_robot(shared_data / "so101_sage" / name)
     servos = {joint.drive.servo for joint in robot.joints}
     assert servos == ({DescribedServo(17.8)} if name.endswith("xml") else {None})
+
+
+@pytest.mark.parametrize("name", [*TRAINING, *HELD_OUT])
+def test_the_doctor_finds_no_fault_of_commands_of_the_so101(shared_data, name):
+    folder = shared_data / "so101_sage"
+    robot = load_robot(folder / "so101_new_calib.xml")
+    raw = load_recording(folder / f"{name}.parquet", LogFormat(), robot)
+    codes = {each.code for each in diagnose_recording(robot, raw, LogFormat())}
+    assert not codes & COMMAND_CODES
+
+
+def test_the_doctor_finds_no_fault_of_commands_of_the_go2(shared_data, tmp_path):
+    folder = shared_data / "go2_stand"
+    (tmp_path / "go2.xml").write_text(re.sub(r"<freejoint[^>]*/>", "", (folder / "go2.xml").read_text()))
+    robot = load_robot(tmp_path / "go2.xml")
+    raw = load_recording(folder / "first70.parquet", LogFormat(), robot)
+    codes = {each.code for each in diagnose_recording(robot, raw, LogFormat())}
+    assert not codes & COMMAND_CODES

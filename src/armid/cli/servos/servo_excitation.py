@@ -44,13 +44,13 @@ def excite_servos(arm: Robot, folder: Path, options: Mapping[str, Any], usual: M
     _refuse_others(options, usual)
     refuse_plan_folder(folder)
     robot = limited_robot(arm, parse_limits(options["limit"] or ()))
-    gains = {name: _gains(options[name], name) for name in ("stiffness", "damping")}
+    stiffness, damping = (_gains(options[name], name) for name in ("stiffness", "damping"))
     model = make_servo_model(robot, [Viscous(), Coulomb(0.0)])
     margin = MARGIN if options["torque_margin"] is None else options["torque_margin"]
     with progress(quiet=options["json"]) as tell:
         design = design_commands(
             model,
-            servo_options(ServoChoice(**gains), robot),
+            servo_options(ServoChoice(stiffness=stiffness, damping=damping), robot),
             seconds=options["duration"],
             rate=options["format_rate"] or RATE,
             torque_share=1.0 - margin,

@@ -96,7 +96,7 @@ def simulate_servo(
     links = sensing.side == "link" or trace.drive_q is None
     q, dq = (trace.q, trace.dq) if links else (trace.drive_q, trace.drive_dq)
     assert q is not None and dq is not None
-    logged = {"q": logged_values(trace.time, q, taken, sensing.position, rng), "command": sent}
+    logged: dict[str, Any] = {"q": logged_values(trace.time, q, taken, sensing.position, rng), "command": sent}
     if sensing.velocity is not None:
         logged["dq"] = logged_values(trace.time, dq, taken, sensing.velocity, rng)
     recording = Recording(

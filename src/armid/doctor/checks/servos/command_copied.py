@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
 from armid.doctor.command_response import MOVES
@@ -55,7 +56,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
     return findings
 
 
-def _copied(q, command) -> int | None:
+def _copied(q: Array, command: Array) -> int | None:
     """Number of rows by which the command is the later position, if they are equal; `None` if they are not."""
     for shift in sorted(range(-SHIFTS, SHIFTS + 1), key=abs):
         begin, end = max(0, -shift), len(q) - max(0, shift)

@@ -47,8 +47,8 @@ def _remedy(evidence: LogEvidence, order: np.ndarray) -> str:
     """Columns of the command in the order of the joints, if the log has one column for each channel."""
     recording, raw = evidence.recording, evidence.raw
     columns = list(raw.columns.get("command", ()))
-    aligned = recording is not None and raw.n == len(order) and not evidence.reading.joints
-    if aligned and len(columns) == len(order) and not (raw.joint_names and recording.joint_names != raw.joint_names):
+    aligned = raw.n == len(columns) == len(order) and not evidence.reading.joints
+    if aligned and recording is not None and raw.joint_names in ((), recording.joint_names):
         return naming(evidence.reading, {"command": [columns[k] for k in order]})
     names = evidence.robot.joint_names
     wanted = ", ".join(names[k] for k in order)

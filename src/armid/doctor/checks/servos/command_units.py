@@ -30,7 +30,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
     for j in np.flatnonzero(moves & (np.ptp(response.q, axis=0) > 0.0)):
         if abs(response.table[j, j]) < FOLLOWS:
             continue
-        slope = response.slope(j)
+        slope = response.slope(int(j))
         if not 1.0 / WITHIN < slope < WITHIN:
             wrong[int(j)] = slope
     if not wrong:

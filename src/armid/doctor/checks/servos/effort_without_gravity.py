@@ -39,7 +39,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
     bodies = evidence.robot.inertial_vector
     if recording is None or recording.effort is None or recording.consecutive is False or bodies is None:
         return []
-    rows = (recording.valid & np.isfinite(recording.q) & np.isfinite(recording.effort)).all(axis=1)
+    finite = recording.valid & np.isfinite(recording.q) & np.isfinite(recording.effort)
+    rows = np.asarray(finite.all(axis=1), dtype=np.bool_)
     first, last = (int(np.argmax(rows)), len(rows) - int(np.argmax(rows[::-1]))) if rows.any() else (0, 0)
     seconds = (last - first) / evidence.rate
     if not rows[first:last].all() or seconds < SHORTEST or evidence.rate < 2.5 * CUTOFF:
@@ -49,7 +50,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
     if shares is None:
         return []
     weights, seen, joints = shares
-    if not len(joints) or (seen > LEAST).any():
+    if not joints or (seen > LEAST).any():
         return []
     names = ", ".join(evidence.robot.joint_names[j] for j in joints)
     what = (
@@ -65,7 +66,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 def _shares(
     evidence: LogEvidence, bodies: Array, rows: slice, every: int, seconds: float
-) -> tuple[Array, Array, Array] | None:
+) -> tuple[Array, Array, list[int]] | None:
     """Weight, explained share of the effort and index of each joint whose weight would be seen."""
     recording, tree = evidence.recording, evidence.robot.tree
     assert recording is not None and recording.effort is not None
@@ -94,7 +95,9 @@ def _shares(
     if not loaded.max(initial=0.0) > 0.0:
         return None
     independent = max(2.0 * CUTOFF * seconds, 3.0 * every_weight.shape[1])
-    weights, seen, joints = [], [], []
+    weights: list[float] = []
+    seen: list[float] = []
+    joints: list[int] = []
     for j in np.flatnonzero(loaded > LOADED * loaded.max()):
         plain = np.column_stack([np.ones(len(q)), dq[:, j], dry[:, j], ddq[:, j], moved[:, j]])
         y, weight = _without(plain, effort[:, j : j + 1]), _without(plain, own[:, j : j + 1])
@@ -105,7 +108,7 @@ def _shares(
         seen.append(1.0 - chance * float(np.sum(rest**2) / np.sum(y**2)))
         weights.append(float(loaded[j]))
         joints.append(int(j))
-    return np.array(weights), np.array(seen), np.array(joints, dtype=np.intp)
+    return np.array(weights), np.array(seen), joints
 
 
 def _without(columns: Array, values: Array) -> Array:
