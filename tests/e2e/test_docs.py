@@ -125,6 +125,42 @@ def test_the_tutorial_of_the_iiwa(
     assert (tmp_path / "iiwa_identified.urdf").is_file()
 
 
+def intervals(folder: Path, kind: str) -> dict[str, tuple[float, float]]:
+    """Ends of the intervals of a kind of value in the result of `armid servo`, by joint."""
+    values = json.loads((folder / "servo.json").read_text())["values"]
+    return {each["joint"]: (each["low"], each["high"]) for each in values if each["kind"] == kind}
+
+
+def test_the_tutorial_of_the_leg(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The page says that known gains make the intervals narrow, and that the truth is found."""
+    monkeypatch.chdir(tmp_path)
+    assert follow(PAGES["tutorials/stand_leg.md"]) == 5
+    truth = json.loads((tmp_path / "stand" / "truth.json").read_text())
+    known, unknown = (intervals(tmp_path / name, "rotor_inertia") for name in ("leg", "unknown"))
+    for j, joint in enumerate(truth["joints"]):
+        true = truth["parameters"][f"IA_{j + 1}"]
+        assert unknown[joint][0] < true < unknown[joint][1]
+        assert known[joint][1] / known[joint][0] < unknown[joint][1] / unknown[joint][0]
+    (score,) = json.loads((tmp_path / "leg" / "servo.json").read_text())["validation"]["model"]["runs"]
+    assert score < 0.3e-3  # the step of the encoder is 0.38 mrad
+
+
+@pytest.mark.long
+def test_the_tutorial_of_the_hobby_arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    pytest.importorskip("pyarrow")
+    monkeypatch.chdir(tmp_path)
+    assert follow(PAGES["tutorials/hobby_arm.md"]) == 5
+    truth = json.loads((tmp_path / "pick" / "truth.json").read_text())
+    stiffness = intervals(tmp_path / "hobby", "stiffness")
+    held = [
+        low < true < high for true, (low, high) in zip(truth["servo"]["stiffness"], stiffness.values(), strict=True)
+    ]
+    assert sum(held) >= 5  # of 6 at 95 %
+    width = {joint: high / low for joint, (low, high) in stiffness.items()}
+    assert min(width["roll"], width["grip"]) > max(width["lift"], width["elbow"])
+    assert (tmp_path / "plan" / "lerobot" / "meta" / "info.json").is_file()
+
+
 @pytest.mark.parametrize("page", [*PAGES, "README.md"])
 def test_commands_and_snippets_of_every_page_are_understood(page: str):
     """Reference pages show commands for files that only the reader has: these parse, and so does their Python."""

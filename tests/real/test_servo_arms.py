@@ -7,10 +7,14 @@ from dataclasses import replace
 
 import pytest
 
+from armid.doctor import CHECKS
 from armid.export.servos.mjcf_actuators import servo_mjcf
 from armid.export.servos.mujoco_rollout import SAME, compare_roll_outs
 from armid.measurement.log_format import LogFormat
+from armid.measurement.readers import load_recording
+from armid.robot import load_robot
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
+from armid.study.diagnosis import diagnose_recording
 from armid.study.servos.choice import ServoChoice
 from armid.study.servos.identification import identify_servo_study
 
@@ -30,6 +34,9 @@ COVERAGE = (0.90, 0.99)
 OF_DESCRIPTION, OF_COMMAND = 0.60, 0.42
 """Largest error relative to that of the community's description of the SO-101, and to that of command = position."""
 
+COMMAND_CODES = {code for check in CHECKS.values() if check.needs_command for code in check.effects}
+"""Faults of commands; these recordings have none."""
+
 GO2_ERROR = 7.0e-3
 """Largest error [rad] of the Go2: another program's output error reaches 6.6 mrad with as many unknowns."""
 
@@ -47,6 +54,7 @@ def test_so101(shared_data, tmp_path):
     assert result.score.model.total < OF_COMMAND * result.score.command.total
     assert not any(each.severity == "error" for each in result.findings)
     judge_band_and_file(result, tmp_path)
+    assert not any(each.code in COMMAND_CODES for each in result.findings)
 
 
 @pytest.mark.long
@@ -64,6 +72,7 @@ def test_go2_on_a_stand(shared_data, tmp_path):
     result = identify_servo_study(study)
     assert result.score is not None
     assert result.score.model.total < GO2_ERROR
+    assert not any(each.code in COMMAND_CODES for each in result.findings)
     judge_band_and_file(result, tmp_path)
 
 
@@ -87,3 +96,21 @@ def test_servos_of_the_description(shared_data, name):
     robot = load_robot(shared_data / "so101_sage" / name)
     servos = {joint.drive.servo and replace(joint.drive.servo, command_range=None) for joint in robot.joints}
     assert servos == ({DescribedServo(17.8)} if name.endswith("xml") else {None})
+
+
+@pytest.mark.parametrize("name", [*TRAINING, *HELD_OUT])
+def test_the_doctor_finds_no_fault_of_commands_of_the_so101(shared_data, name):
+    folder = shared_data / "so101_sage"
+    robot = load_robot(folder / "so101_new_calib.xml")
+    raw = load_recording(folder / f"{name}.parquet", LogFormat(), robot)
+    codes = {each.code for each in diagnose_recording(robot, raw, LogFormat())}
+    assert not codes & COMMAND_CODES
+
+
+def test_the_doctor_finds_no_fault_of_commands_of_the_go2(shared_data, tmp_path):
+    folder = shared_data / "go2_stand"
+    (tmp_path / "go2.xml").write_text(re.sub(r"<freejoint[^>]*/>", "", (folder / "go2.xml").read_text()))
+    robot = load_robot(tmp_path / "go2.xml")
+    raw = load_recording(folder / "first70.parquet", LogFormat(), robot)
+    codes = {each.code for each in diagnose_recording(robot, raw, LogFormat())}
+    assert not codes & COMMAND_CODES

@@ -30,6 +30,8 @@ class LogCheck:
             the fault.
         follows: Codes of faults that cause the findings of this check; these findings are then not reported.
         needs_torque: False if the check is also valid for a log of motor currents.
+        needs_command: True if the check compares commands with positions; such checks precede an identification of
+            servos.
     """
 
     look: Callable[[LogEvidence], list[Finding]]
@@ -40,3 +42,4 @@ class LogCheck:
     hides: tuple[str, ...] = ()
     follows: tuple[str, ...] = ()
     needs_torque: bool = True
+    needs_command: bool = False

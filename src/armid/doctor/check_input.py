@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from armid.doctor.changes.position_jumps import Jump, position_jumps, without_jumps
+from armid.doctor.command_response import CommandResponse, command_response
 from armid.doctor.downsample import downsample
 from armid.doctor.earlier_run_links import KnownLinks
 from armid.doctor.fitted_log import LogState
@@ -180,6 +181,11 @@ class LogEvidence:
         if recording is None or recording.consecutive is False:
             return ()
         return stuck_segments(recording, self.rate)
+
+    @cached_property
+    def response(self) -> CommandResponse | None:
+        """Response of the positions to the commands; `None` if the log has no commands or is too short."""
+        return None if self.recording is None else command_response(self.recording, self.rate)
 
     @cached_property
     def jumps(self) -> tuple[Jump, ...]:

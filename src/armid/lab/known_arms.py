@@ -31,6 +31,7 @@ class KnownArm:
         rotor: Rotor inertia of the drives, as seen from the joints, shape (n,) [kg·m² or kg].
         stiffness: Stiffness of the gears between drive and link, shape (n,) [N·m/rad or N/m]; `None` for rigid gears.
         spring_damping: Damping of the gears, shape (n,) [N·m·s/rad or N·s/m].
+        backlash: Play of elastic gears, from one side to the other, shape (n,) [rad or m].
     """
 
     robot: Robot
@@ -39,6 +40,7 @@ class KnownArm:
     rotor: Array
     stiffness: Array | None = None
     spring_damping: Array = ()  # pyright: ignore[reportAssignmentType]
+    backlash: Array = ()  # pyright: ignore[reportAssignmentType]
 
     def __post_init__(self) -> None:
         n = self.robot.n
@@ -46,6 +48,13 @@ class KnownArm:
         object.__setattr__(self, "rotor", array(self.rotor, (n,), "rotor"))
         damping = self.spring_damping if np.size(self.spring_damping) else np.zeros(n)
         object.__setattr__(self, "spring_damping", array(damping, (n,), "spring_damping"))
+        play = self.backlash if np.size(self.backlash) else np.zeros(n)
+        object.__setattr__(self, "backlash", array(play, (n,), "backlash"))
+        if (self.backlash < 0.0).any() or (self.backlash.any() and self.stiffness is None):
+            raise LabError(
+                "Backlash must not be negative, and only elastic gears can have it.",
+                remedy="give `backlash` of zero or more, and `stiffness` and `rotor` of every joint.",
+            )
         if self.friction.n != n:
             raise LabError(
                 f"The friction has {self.friction.n} joints; {self.robot.name} has {n}.",
@@ -62,6 +71,12 @@ class KnownArm:
                     "Elastic drives need a positive stiffness and a positive rotor inertia for every joint.",
                     remedy="give rotor inertia and stiffness for every joint, or leave out the stiffness.",
                 )
+
+    def deflection(self, torque: Array) -> Array:
+        """Lead of the drives before the links under transmitted torques (…, n) [rad or m]; zero for rigid gears."""
+        if self.stiffness is None:
+            return np.zeros_like(torque)
+        return torque / self.stiffness + 0.5 * np.sign(torque) * self.backlash
 
 
 PANDA_BODIES = (

@@ -40,6 +40,7 @@ class Arm:
         rotor: Rotor inertia, shape (n,) [kg·m² or kg].
         stiffness: Stiffness of elastic drives, shape (n,) [N·m/rad or N/m].
         spring_damping: Damping of elastic drives, shape (n,) [N·m·s/rad or N·s/m].
+        backlash: Play of elastic drives, from one side to the other, shape (n,) [rad or m].
     """
 
     effects: tuple[str, ...] = ()
@@ -47,13 +48,14 @@ class Arm:
     rotor: Array | None = None
     stiffness: Array | None = None
     spring_damping: Array | None = None
+    backlash: Array | None = None
 
     def of(self, truth: KnownArm) -> KnownArm:
         """Applies the properties to a simulated arm; most effects are proportional to `friction`, if it is given."""
         if self.friction is not None:
             truth = replace(truth, friction=self.friction)
         truth = with_effects(truth, self.effects)
-        given = {name: getattr(self, name) for name in ("rotor", "stiffness", "spring_damping")}
+        given = {name: getattr(self, name) for name in ("rotor", "stiffness", "spring_damping", "backlash")}
         return replace(truth, **{name: value for name, value in given.items() if value is not None})
 
 
@@ -118,10 +120,10 @@ def load_options(path: Path | str) -> LabOptions:
 
 def parse_options(table: Mapping[str, Any]) -> LabOptions:
     """Options from the tables of a `lab.toml`; each fault is a table `[[faults]]` with the key `kind`."""
-    return _made(LabOptions, table, "lab.toml")
+    return made(LabOptions, table, "lab.toml")
 
 
-def _made(kind: type[T], table: object, where: str) -> T:
+def made(kind: type[T], table: object, where: str) -> T:
     """Makes an object of a dataclass from a TOML table with the fields of the class as keys; tables may be nested."""
     if not isinstance(table, Mapping):
         raise LabError(f"{where} must be a table; found {table!r:.60}.", remedy="write this value as a TOML table.")
@@ -155,11 +157,11 @@ def _value(hint: Any, value: Any, where: str) -> Any:
     if typing.get_origin(hint) in (typing.Union, types.UnionType):
         hint = next(each for each in typing.get_args(hint) if each is not type(None))
     if dataclasses.is_dataclass(hint):
-        return _made(typing.cast("type[Any]", hint), value, where)
+        return made(typing.cast("type[Any]", hint), value, where)
     if typing.get_args(hint)[:1] == (Fault,):
         return tuple(_fault(each, where) for each in _listed(value, where))
     if typing.get_args(hint)[:1] == (Push,):
-        return tuple(_made(Push, each, where) for each in _listed(value, where))
+        return tuple(made(Push, each, where) for each in _listed(value, where))
     if typing.get_origin(hint) is np.ndarray or hint == NDArray[np.float64]:
         return value
     if typing.get_origin(hint) is tuple:
@@ -189,4 +191,4 @@ def _fault(table: Any, where: str) -> Fault:
         raise LabError(
             f"{where} has an unknown kind of fault {kind!r}.", possible=", ".join(FAULTS), remedy="correct `kind`."
         )
-    return _made(FAULTS[kind], {key: value for key, value in table.items() if key != "kind"}, f"{where}: {kind}")
+    return made(FAULTS[kind], {key: value for key, value in table.items() if key != "kind"}, f"{where}: {kind}")

@@ -107,9 +107,11 @@ def _springs(truth: KnownArm) -> list[str]:
     """MJCF elements of the springs between each joint and its rotor."""
     assert truth.stiffness is not None
     return [
-        f'<fixed name="spring_{i}" springlength="0" stiffness="{k!r}" damping="{d!r}">'
-        f'<joint joint="rotor_{i}" coef="1"/><joint joint="joint_{i}" coef="-1"/></fixed>'
-        for i, (k, d) in enumerate(zip(truth.stiffness.tolist(), truth.spring_damping.tolist(), strict=True))
+        f'<fixed name="spring_{i}" springlength="{_numbers([-0.5 * play, 0.5 * play])}" stiffness="{k!r}" '
+        f'damping="{d!r}"><joint joint="rotor_{i}" coef="1"/><joint joint="joint_{i}" coef="-1"/></fixed>'
+        for i, (k, d, play) in enumerate(
+            zip(truth.stiffness.tolist(), truth.spring_damping.tolist(), truth.backlash.tolist(), strict=True)
+        )
     ]
 
 
@@ -271,7 +273,7 @@ class Plant:
         self._q, self._half = np.zeros((2, self._bodies.size))
         self._q[self._bodies.joints] = q
         if truth.stiffness is not None:
-            self._q[self._bodies.drives] = q + effort / truth.stiffness
+            self._q[self._bodies.drives] = q + truth.deflection(effort)
         self._dq = self._half
         self._friction = FrictionState(truth.friction, q, effort)
         self._bodies.add_inertia(0.5 * step * self._friction.viscous)

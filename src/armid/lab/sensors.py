@@ -137,11 +137,11 @@ def sense(
     effort = trace.effort if sensing.side == "drive" else trace.transmitted
     assert q is not None and dq is not None
     logged: dict[str, Any] = {
-        "q": _logged(trace.time, q, taken, sensing.position, rng),
-        "effort": _logged(trace.time, effort, taken, sensing.effort, rng),
+        "q": logged_values(trace.time, q, taken, sensing.position, rng),
+        "effort": logged_values(trace.time, effort, taken, sensing.effort, rng),
     }
     if sensing.velocity is not None:
-        logged["dq"] = _logged(trace.time, dq, taken, sensing.velocity, rng)
+        logged["dq"] = logged_values(trace.time, dq, taken, sensing.velocity, rng)
     return Recording(
         time={"true": taken, "even": even, "none": None}[sensing.stamps],
         **logged,
@@ -153,7 +153,9 @@ def sense(
     )
 
 
-def _logged(time: Array, values: Array, taken: Array, channel: SensorChannel, rng: np.random.Generator) -> Array:
+def logged_values(
+    time: Array, values: Array, taken: Array, channel: SensorChannel, rng: np.random.Generator
+) -> Array:
     """Values (M, n) that the sensors of one quantity log at times `taken` (M,) [s], from its true values (N, n)."""
     rate = 1.0 / (time[1] - time[0])
     if channel.cutoff:

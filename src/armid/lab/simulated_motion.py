@@ -200,14 +200,14 @@ def _reference(controller: Controller, truth: KnownArm, motion: Motion) -> Refer
     if truth.stiffness is None:
         return motion.q, motion.dq, torque
     wound = kernel.inverse_dynamics(truth.robot.tree, truth.inertial, motion.q, motion.dq, motion.ddq)
-    return motion.q + wound / truth.stiffness, motion.dq, torque  # drives lead by the deflection of the gears
+    return motion.q + truth.deflection(wound), motion.dq, torque  # drives lead by the deflection of the gears
 
 
 def _equilibrium(truth: KnownArm, drive_q: Array) -> tuple[Array, Array]:
     """Joint positions at rest, shape (n,), for drive positions (1, n), and torques (n,) that hold the arm there."""
     rest = np.zeros_like(drive_q)
     holding = kernel.inverse_dynamics(truth.robot.tree, truth.inertial, drive_q, rest, rest)[0]
-    return drive_q[0] if truth.stiffness is None else drive_q[0] - holding / truth.stiffness, holding
+    return drive_q[0] - truth.deflection(holding), holding
 
 
 class _Actuation:

@@ -217,22 +217,23 @@ def truth_record(simulated: Simulated, recording_sha256: str) -> dict[str, Any]:
         },
         "parameters": {p.name: value for p, value in zip(model.parameters, theta, strict=True)},
         "base_parameters": dict(zip(base.names, base.values_of(theta), strict=True)),
-        "friction": _record(truth.friction),
+        "friction": plain_record(truth.friction),
         "rotor": truth.rotor,
         "stiffness": truth.stiffness,
         "spring_damping": truth.spring_damping,
-        "controller": None if gain is None else {"kind": simulated.options.controller.kind} | _record(gain),
+        "backlash": truth.backlash,
+        "controller": None if gain is None else {"kind": simulated.options.controller.kind} | plain_record(gain),
         "effort_limits": simulated.options.drive.limits(truth),
-        "options": _record(simulated.options),
+        "options": plain_record(simulated.options),
     }
 
 
-def _record(value: Any) -> Any:
+def plain_record(value: Any) -> Any:
     """Converts a dataclass to a dictionary, including nested dataclasses; a fault also gets the key `kind`."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        table = {f.name: _record(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        table = {f.name: plain_record(getattr(value, f.name)) for f in dataclasses.fields(value)}
         name = getattr(type(value), "name", None)
         return {"kind": name} | table if isinstance(name, str) else table
     if isinstance(value, tuple):
-        return [_record(each) for each in value]
+        return [plain_record(each) for each in value]
     return value

@@ -143,8 +143,8 @@ def _uncalibrated(folder: Path) -> RecordingError:
         f"{folder}: the positions are between -100 and 100, and it is not stated whether they are degrees or "
         "normalised values, which need a calibration.",
         possible='units = "deg"; units = "rad"; or calibration = "FILE.json" for normalised values',
-        remedy="give one of these keys under [[recording]]; the calibration is the file that LeRobot has written for "
-        "the robot.",
+        remedy="give one of these keys under [[recording]] of a study, or --units deg or --units rad; the "
+        "calibration is the file that LeRobot has written for the robot.",
         code="calibration-missing",
     )
 

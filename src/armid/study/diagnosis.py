@@ -144,11 +144,13 @@ def _no_effort(raw: Recording) -> Finding:
         "" if possible is None else f" {possible.evidence}"
     )
     remedy = "" if possible is None else possible.remedy
+    if raw.command is not None:
+        remedy = remedy or "identify the arm with `armid servo`"
     remedy = remedy or (
         "log the torque or motor current of each joint; if the file has these columns, give their names with the key "
         "`columns` of the recording"
     )
-    return Finding("effort-missing", "error", "effort", evidence, remedy)
+    return Finding("effort-missing", "error" if raw.command is None else "info", "effort", evidence, remedy)
 
 
 def _standstill(recording: Recording, processing: ProcessingOptions) -> list[Finding]:

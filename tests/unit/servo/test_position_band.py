@@ -21,7 +21,7 @@ def exact(monkeypatch):
     """A true arm as its own estimate, and two of its runs."""
     model, rng = servo_model(small_arm()), np.random.default_rng(4)
     truth = any_parameters(model, rng)
-    runs = [recorded(model, truth, rng, 20.0, monkeypatch) for _ in range(2)]
+    runs = [recorded(model, truth, rng, 20.0) for _ in range(2)]
     return SimpleNamespace(model=model, without_left_out=truth), runs
 
 

@@ -26,6 +26,9 @@ def demo(
     edges: Annotated[
         str, typer.Option(help="Treatment of the ends of a recording: periodic, pad or drop.")
     ] = "periodic",
+    servo: Annotated[
+        bool, typer.Option("--servo", help="A virtual hobby arm with servos, whose logs have no torque, instead.")
+    ] = False,
     seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 1,
     threads: Threads = 1,
     no_report: NoReport = False,
@@ -38,9 +41,29 @@ def demo(
     The motion of Table A.1 of the thesis, with a period of 27 s, is repeated five times and recorded at 8 kHz. The
     arm has the friction of Table 4.1, and noise of 1e-5 rad and 0.3 N·m. The model is validated on Table A.2.
 
-    Example:
+    Examples:
         armid demo --preset thesis
+
+        armid demo --servo
     """
+    if servo:
+        _demo_of_servos(preset, out, seed, json=json)
+    else:
+        _demo_of_iiwa(preset, edges, seed, threads, out, no_report=no_report, verbose=verbose, json=json)
+
+
+def _demo_of_iiwa(
+    preset: ProcessingPreset | None,
+    edges: str,
+    seed: int,
+    threads: int,
+    out: Path | None,
+    *,
+    no_report: bool,
+    verbose: bool,
+    json: bool,
+) -> None:
+    """Run the demo of the iiwa, print and save its result."""
     from armid.cli.console import output_console, print_findings, progress
     from armid.cli.identification_result import print_next, print_result
     from armid.estimation.link_properties import link_record, link_table
@@ -79,3 +102,15 @@ def demo(
         print_next(done.result, folder, page=page)
     if done.result.validation.verdict == "fail":
         raise typer.Exit(1)
+
+
+def _demo_of_servos(preset: ProcessingPreset | None, out: Path | None, seed: int, *, json: bool) -> None:
+    """Run the demo of the hobby arm."""
+    from armid.cli.servos.servo_demo import run_servo_demo
+    from armid.errors import StudyError
+
+    if preset is not None:
+        raise StudyError(
+            f"--preset {preset.value} and --servo exclude each other.", remedy="leave out one of the two."
+        )
+    run_servo_demo(out or Path("runs") / "demo-servo", seed=seed, json=json)

@@ -57,6 +57,9 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "tip": (TipLink, None),
     "package": (Package, None),
     "terms": (Terms, None),
+    "servo": _option(bool, False, "Commands for an arm with position servos, whose logs have no torque.", "--servo"),
+    "stiffness": _option(str | None, None, "With --servo: known stiffness of the servos, N·m/rad.", metavar="K[,K…]"),
+    "damping": _option(str | None, None, "With --servo: known damping of the servos, N·m·s/rad.", metavar="D[,D…]"),
     "experiment": _option(
         str, "series", "series: the Fourier series; poses: static poses for gravity; sweeps: constant velocities, "
         "one joint at a time, for friction."
@@ -214,6 +217,7 @@ def excite(robot: str, **options: Any) -> None:
     from armid.cli.console import output_console, print_findings
     from armid.cli.motion.excite_goal import design_model
     from armid.cli.motion.excite_request import run_experiment, run_request
+    from armid.cli.servos.servo_excitation import excite_servos
     from armid.study.config import load_choice
     from armid.study.plans.design_writing import choose_formats, plan_record, refuse_plan_folder, save_design
     from armid.study.plans.preflight_text import report_text
@@ -223,6 +227,8 @@ def excite(robot: str, **options: Any) -> None:
     arm = load_choice(robot_choice(robot, *(options[key] for key in ("gravity", "lock", "only", "tip", "package"))))
     run_default = run_folder(None, arm.name)
     folder = options["out"] or run_default.with_name(f"{run_default.name}-plan")
+    if options["servo"]:
+        return excite_servos(arm, folder, options, {name: usual for name, (_, usual) in OPTIONS.items()})
     refuse_plan_folder(folder)
     model = design_model(arm, options)
     rate, rehearsal = options["format_rate"], options["rehearsal"]

@@ -13,13 +13,15 @@ from armid.cli.options import Gravity, Json, Lock, Only, Out, Package, RobotName
 
 if TYPE_CHECKING:
     from armid.lab.options import LabOptions
+    from armid.study.config import RobotChoice
     from armid.study.plans.simulation_files import WrittenSimulation
 
 PlannedMotion = Annotated[
-    str,
+    str | None,
     typer.Argument(
         metavar="PLAN",
-        help="A plan.json, the folder of a plan, or a motion file in this folder; thesis-a1 or thesis-a2.",
+        help="A plan.json, the folder of a plan, or a motion file in this folder; thesis-a1 or thesis-a2; "
+        "with --servo also a table commands.csv.",
     ),
 ]
 Mode = Annotated[
@@ -31,34 +33,53 @@ Mode = Annotated[
 ]
 
 
+OptionsFile = Annotated[
+    Path | None, typer.Option("--options", metavar="FILE", help="A lab.toml with further options (docs/lab.md).")
+]
+ControllerKind = Annotated[str | None, typer.Option(metavar="computed-torque|pd-gravity|pid", help="The controller.")]
+Effects = Annotated[
+    str | None,
+    typer.Option(
+        metavar="A,B,…",
+        help="Drive effects: rotor, elastic, stribeck, asymmetric, load, hysteresis, ripple, temperature.",
+    ),
+]
+SimulatedPeriod = Annotated[
+    float | None,
+    typer.Option(help="Period of the simulated motion, s; the plan is slowed down or sped up to this period."),
+]
+RecordingFormat = Annotated[
+    str,
+    typer.Option(
+        "--format",
+        metavar="csv|parquet|npz|mat|bag|db3|mcap|lerobot",
+        help="File format of the recording; lerobot, a data set, with --servo only.",
+    ),
+]
+Servo = Annotated[
+    bool,
+    typer.Option(
+        "--servo",
+        help="Servos follow commands, and the log has commands and positions instead of torques; ROBOT may be "
+        "hobby-arm or stand-leg, and without PLAN the motion is random.",
+    ),
+]
+
+
 def simulate(
     robot: RobotName,
-    plan: PlannedMotion,
-    options: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="A lab.toml with further options (docs/lab.md).")
-    ] = None,
+    plan: PlannedMotion = None,
+    options: OptionsFile = None,
+    servo: Servo = False,
     mode: Mode = None,
-    controller: Annotated[
-        str | None, typer.Option(metavar="computed-torque|pd-gravity|pid", help="The controller.")
-    ] = None,
-    effects: Annotated[
-        str | None,
-        typer.Option(
-            metavar="A,B,…",
-            help="Drive effects: rotor, elastic, stribeck, asymmetric, load, hysteresis, ripple, temperature.",
-        ),
-    ] = None,
+    controller: ControllerKind = None,
+    effects: Effects = None,
     repetitions: Annotated[int | None, typer.Option(min=1, help="Number of repetitions of the motion.")] = None,
-    period: Annotated[
-        float | None,
-        typer.Option(help="Period of the simulated motion, s; the plan is slowed down or sped up to this period."),
-    ] = None,
+    period: SimulatedPeriod = None,
+    seconds: Annotated[float, typer.Option(help="Duration of a random motion, s.")] = 30.0,
     rate: Annotated[float | None, typer.Option(help="Sampling rate of the log, up to 8000 Hz.")] = None,
-    seed: Annotated[int, typer.Option(help="Seed of noise and faults.")] = 1,
-    kind: Annotated[
-        str,
-        typer.Option("--format", metavar="csv|parquet|npz|mat|bag|db3|mcap", help="File format of the recording."),
-    ] = "csv",
+    seed: Annotated[int, typer.Option(help="Seed of noise, faults and random motion.")] = 1,
+    kind: RecordingFormat = "csv",
     noise_free: Annotated[bool, typer.Option("--noise-free", help="Also write the noise-free data, as NPZ.")] = False,
     gravity: Gravity = None,
     lock: Lock = None,
@@ -74,7 +95,48 @@ def simulate(
         armid simulate iiwa14-r820 thesis-a1 --gravity 0 0 9.81 --rate 1000 --out lab
 
         armid simulate ur10e.urdf plan.json --effects rotor,elastic,stribeck --options lab.toml
+
+        armid simulate hobby-arm --servo --seconds 60 --out lab
     """
+    from armid.cli.servos.servo_simulation import ServoSimulationRequest, refuse_controller, simulate_servos
+
+    choice = robot_choice(robot, gravity, lock, only, tip, package)
+    if servo:
+        refuse_controller(mode, controller)
+        given = (plan, options, effects, repetitions, period, rate, seconds, seed, kind, noise_free)
+        simulate_servos(ServoSimulationRequest(*given), choice, out, json=json)
+        return
+    changes = options, mode, controller, effects, repetitions, rate
+    named = _planned(plan)
+    _simulate(choice, named, period, kind, changes, out, seed=seed, noise_free=noise_free, json=json)
+
+
+def _planned(plan: str | None) -> str:
+    """Name of the plan, which a controlled arm needs."""
+    from armid.errors import LabError
+
+    if plan is None:
+        raise LabError(
+            "The argument PLAN is missing.",
+            possible="a plan.json of armid excite, thesis-a1, thesis-a2",
+            remedy="give a plan; only arms with servos (--servo) have a random motion without it.",
+        )
+    return plan
+
+
+def _simulate(
+    choice: RobotChoice,
+    plan: str,
+    period: float | None,
+    kind: str,
+    changes: tuple[Any, ...],
+    out: Path | None,
+    *,
+    seed: int,
+    noise_free: bool,
+    json: bool,
+) -> None:
+    """Simulate an arm under a controller, and write and print the result."""
     from armid.cli.console import print_findings, progress
     from armid.lab.simulation import simulation_findings
     from armid.output.locks import claim
@@ -82,8 +144,8 @@ def simulate(
     from armid.study.plans.simulation_files import refuse_format, simulate_to, the_plan
 
     refuse_format(kind)
-    arm = load_choice(robot_choice(robot, gravity, lock, only, tip, package))
-    lab_options = _lab_options(options, mode, controller, effects, repetitions, rate)
+    arm = load_choice(choice)
+    lab_options = _lab_options(*changes)
     motion = the_plan(plan, period)
     with progress(quiet=json) as tell:
         claim(folder := out or run_folder(None, f"{arm.name}-lab"))

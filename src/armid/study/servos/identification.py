@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from armid.checked_array import Array
-from armid.errors import Finding
+from armid.errors import EstimationError, Finding
 from armid.measurement.recording import Recording
 from armid.model.terms import TERMS
 from armid.robot import Robot
@@ -22,9 +22,11 @@ from armid.servo.position_band import band_coverage, position_band
 from armid.servo.score import ClosedLoopError, closed_loop_error, command_error, error_of
 from armid.servo.servo_run import ServoRun, servo_runs
 from armid.study.config import RecordingChoice, Study, load_choice
+from armid.study.diagnosis import diagnosed_error
 from armid.study.progress import Progress, no_progress
 from armid.study.recordings.reading import read_all
 from armid.study.servos.choice import servo_options
+from armid.study.servos.command_checks import command_findings
 from armid.study.servos.described_servo_findings import described_servo_findings
 
 USED = 0.9
@@ -111,7 +113,11 @@ def identify_servo_study(
         role: tuple(run for choice, recording in recordings if choice.role == role for run in servo_runs(recording))
         for role in ("train", "validate")
     }
-    estimate = identify_servo(model, parts["train"], options, tell)
+    faults = command_findings(robot, recordings)
+    try:
+        estimate = identify_servo(model, parts["train"], options, tell)
+    except EstimationError as error:
+        raise diagnosed_error(error, faults) from error
     tell("validation", 0.0)
     band = position_band(estimate, parts["train"])
     score = servo_score(model, estimate.parameters, parts["validate"], band) if parts["validate"] else None
@@ -119,6 +125,7 @@ def identify_servo_study(
     findings = (
         *robot.findings,
         *(each for found in read_findings for each in found),
+        *faults,
         *unused_findings(recordings, parts),
         *described_servo_findings(robot, (*parts["train"], *parts["validate"])),
         *estimate_findings(estimate),

@@ -24,7 +24,7 @@ EFFECTS = {
     "row-incomplete": "No effect, but one sample is missing at the end.",
     "rows-repeated": "Velocity would be zero at every repeated row; these rows are excluded.",
     "rows-not-consecutive": "Nothing can be filtered or differentiated, and terms with hysteresis cannot be used.",
-    "effort-missing": "Without torque or current, no parameters can be identified.",
+    "effort-missing": "Without torque or current, only `armid servo` identifies an arm, from its commands.",
     "command-incomplete": "No effect on results from the effort; the command cannot be used.",
     "command-still": "A joint that only holds its position shows neither its inertia nor its friction.",
     "command-held": "A command that is held longer than a sample is late by up to that time.",

@@ -1,0 +1,1 @@
+"""Checks of commands and of torques in logs of servos."""

@@ -1,0 +1,1 @@
+"""Virtual arms whose joints are moved by position servos, and recordings of their commands and positions."""

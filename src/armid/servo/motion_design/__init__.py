@@ -1,0 +1,1 @@
+"""Design of commands that show gains, rotor inertia, friction and delay through servos."""
