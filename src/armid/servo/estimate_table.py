@@ -82,6 +82,9 @@ def estimated_values(estimate: ServoEstimate, runs: list[ServoRun]) -> list[Esti
                 else (value - half, value + half)
             )
             share = float(estimate.fit.information[at])
+            if field == "limit" and share <= HARDLY_SEEN:  # what the description states, as the servo never reached it
+                found.append(EstimatedValue(kind, joint, float(value), value, value, share, "given"))
+                continue
             origin = _origin(share, narrow=field not in LOGARITHMIC or half <= np.log(NARROW))
             reason = "" if origin.endswith("identified") else _reason(field, load[joint], sliding[joint])
             low, high = float(ends[0]), float(ends[1])

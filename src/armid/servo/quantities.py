@@ -36,6 +36,7 @@ class Quantity:
 QUANTITIES = {
     "stiffness": Quantity("stiffness", "N·m/rad", "N/m"),
     "damping": Quantity("damping", "N·m·s/rad", "N·s/m"),
+    "limit": Quantity("largest torque", "N·m", "N"),
     "FV": Quantity("viscous friction", "N·m·s/rad", "N·s/m"),
     "FS": Quantity("Coulomb friction", "N·m", "N"),
     "rotor_inertia": Quantity("rotor inertia", "kg·m²", "kg"),

@@ -187,6 +187,16 @@ def estimate_findings(estimate: ServoEstimate) -> list[Finding]:
     if not estimate.fit.settled:
         what = f"the search for the smallest output error did not converge in {estimate.fit.steps} steps"
         found.append(Finding("not-converged", "warning", "", what, "check the commands with `armid doctor`"))
+    described = np.array([joint.effort_limit for joint in estimate.model.robot.joints])
+    unused = np.flatnonzero(np.isfinite(described) & np.isinf(estimate.parameters.limit))
+    if unused.size:
+        names = estimate.model.robot.joint_names
+        what = (
+            "the motion exceeds the largest torque that the description states, and no row looks saturated: "
+            f"{', '.join(f'{names[j]} ({described[j]:.3g})' for j in unused)}; these joints are simulated without one"
+        )
+        remedy = "state the largest torque of the servos (limit in [servo]), or correct the effort limits"
+        found.append(Finding("servo-limit-unused", "warning", "", what, remedy))
     if estimate.fit.unsettled:
         what = f"{estimate.fit.unsettled} integration steps did not converge"
         found.append(Finding("integration-unsettled", "warning", "", what, "check the limits of the torque"))
