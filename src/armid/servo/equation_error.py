@@ -42,8 +42,11 @@ SIGNIFICANT = 4.0
 """Number of standard deviations from which a load torque counts as seen. The deviations take the samples within a
 period of the cut-off as one."""
 
-QUANTILES = (0.99, 0.97, 0.94, 0.9, 0.8, 0.7, 0.5, 0.35)
+QUANTILES = (0.998, 0.995, 0.99, 0.97, 0.94, 0.9, 0.8, 0.7, 0.5, 0.35)
 """Quantiles of the size of the position error of a joint that are tried as the error at its largest torque."""
+
+SMALLEST_SATURATION = 1e-4
+"""Smallest position error at the largest torque that is tried [rad or m]: commands may be copies of positions."""
 
 SATURATED = 0.25
 """Share of the misfit without saturation below which that with saturation is taken. It was at most 0.15 where a tenth
@@ -117,13 +120,22 @@ def fit_equation_error(
         own = np.concatenate([x[:, j] for x in columns])
         compliance = 1.0 / known[j] if known is not None and np.isfinite(known[j]) else None
 
-        def fit(limit: float, j: int = j, own: Array = own, compliance: float | None = compliance) -> _JointFit:
-            limited = [low_pass(np.clip(e[:, j], -limit, limit)) for e, low_pass in zip(errors, filters, strict=True)]
+        def fit(
+            limit: float, middle: float = 0.0, j: int = j, own: Array = own, compliance: float | None = compliance
+        ) -> _JointFit:
+            limited = [
+                low_pass(np.clip(e[:, j], middle - limit, middle + limit))
+                for e, low_pass in zip(errors, filters, strict=True)
+            ]
             return _fit_joint(own, np.concatenate(limited), rows, compliance)
 
         found = fit(np.inf)
-        for limit in np.quantile(np.abs(np.concatenate([e[:, j] for e in errors])), QUANTILES if saturated else ()):
-            other = fit(limit)
+        offset = float(found.coefficients[4])
+        sizes = np.abs(np.concatenate([e[:, j] for e in errors]) - offset)
+        for limit in np.quantile(sizes, QUANTILES if saturated else ()):
+            if limit < SMALLEST_SATURATION:
+                continue
+            other = fit(limit, offset)
             better = SATURATED * found.misfit if np.isinf(saturation[j]) else found.misfit
             if other.misfit < better:
                 found, saturation[j] = other, limit

@@ -82,8 +82,10 @@ def estimated_values(estimate: ServoEstimate, runs: list[ServoRun]) -> list[Esti
                 else (value - half, value + half)
             )
             share = float(estimate.fit.information[at])
-            if field == "limit" and share <= HARDLY_SEEN:  # what the description states, as the servo never reached it
-                found.append(EstimatedValue(kind, joint, float(value), value, value, share, "given"))
+            stated = float(estimate.unknowns.mean.limit[joint]) if field == "limit" else np.nan
+            if share <= HARDLY_SEEN and stated == estimate.model.robot.joints[joint].effort_limit:
+                # The servo never reached it, so this is what the description states.
+                found.append(EstimatedValue(kind, joint, stated, stated, stated, np.nan, "given"))
                 continue
             origin = _origin(share, narrow=field not in LOGARITHMIC or half <= np.log(NARROW))
             reason = "" if origin.endswith("identified") else _reason(field, load[joint], sliding[joint])

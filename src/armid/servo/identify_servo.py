@@ -108,7 +108,7 @@ def identify_servo(
         most_steps=MOST_STEPS if refined else 0,
         progress=lambda share: tell("output error", share),
     )
-    if refined and fit.integration > SMALL_SHIFT:
+    if refined and SMALL_SHIFT < fit.integration < np.inf:
         # The shift is in proportion to the step.
         shorter_step = max(SHORTEST_STEP, model.longest_step * SMALL_SHIFT / fit.integration)
         model = replace(model, longest_step=shorter_step)
@@ -150,7 +150,7 @@ def _first_estimate(
     """First estimate from the position error, and the unknowns whose prior mean it is."""
     exact = options.stiffness if options.stiffness_deviation == 0.0 else None
     first = fit_equation_error(model.robot.tree, bodies, runs, exact, options.delay, saturated=saturated)
-    return first, make_unknowns(model, first, bodies, runs, options)
+    return first, make_unknowns(model, first, bodies, runs, options, saturated=saturated)
 
 
 def _without_the_end(
@@ -166,12 +166,15 @@ def _without_the_end(
     """
     _, unknowns = _first_estimate(model, bodies, runs, options, saturated=False)
     fit = minimise_output_error(unknowns, runs, most_steps=FEW_STEPS, progress=progress)
-    first, other = _first_estimate(model, bodies, runs, options, saturated=True)
-    if np.isinf(first.saturation).all():
+    _, other = _first_estimate(model, bodies, runs, options, saturated=True)
+    if np.array_equal(other.mean.limit, unknowns.mean.limit):
         return False, unknowns, fit
     windows = _windows(runs)
-    near = minimise_output_error(other, windows, most_steps=FEW_STEPS, progress=progress).x if windows else None
-    other_fit = minimise_output_error(other, runs, start=near, most_steps=FEW_STEPS, progress=progress)
+    try:
+        near = minimise_output_error(other, windows, most_steps=FEW_STEPS, progress=progress).x if windows else None
+        other_fit = minimise_output_error(other, runs, start=near, most_steps=FEW_STEPS, progress=progress)
+    except EstimationError:  # its motion diverges
+        return False, unknowns, fit
     if np.sum(np.log(other_fit.rms)) < np.sum(np.log(fit.rms)):
         return True, other, other_fit
     return False, unknowns, fit

@@ -186,12 +186,11 @@ def _evaluate(unknowns: Unknowns, x: Array, runs: Sequence[ServoRun]) -> _Point:
 
 def _integration_errors(unknowns: Unknowns, point: _Point, runs: Sequence[ServoRun]) -> list[Array]:
     """Differences of the simulated motion from that with much shorter steps, at the rows of the residuals."""
-    model = unknowns.model
-    fine = replace(model, longest_step=REFERENCE * model.longest_step)
+    fine = replace(unknowns.model, longest_step=REFERENCE * min(each.step for each in point.simulated))
     found = simulate(fine, unknowns.parameters(point.x), runs)
-    # measured - simulated minus measured - reference
+    # (measured - simulated) - (measured - reference), for steps of length zero by proportion
     return [
-        residual - (run.q[1:] - reference.q[1:])[_rows(run)]
+        (residual - (run.q[1:] - reference.q[1:])[_rows(run)]) / (1.0 - REFERENCE)
         for run, residual, reference in zip(runs, point.residuals, found, strict=True)
     ]
 

@@ -56,12 +56,22 @@ OTHER_LIMIT = 2.0
 """Factor between the largest torque of a description and the one that the recordings show from which the description
 is not used."""
 
+FAR_BEYOND = 10.0
+"""Factor by which the position error times the stiffness exceeds a described limit that is not used, where some rows
+may be saturated: short steps of a command ask for some times the largest torque."""
+
 UNKNOWN_LIMIT = 1.0
 """Prior deviation of the logarithm of a largest torque that only the recordings show."""
 
 
 def make_unknowns(
-    model: ServoModel, first: EquationErrorFit, bodies: Array, runs: Sequence[ServoRun], options: ServoOptions
+    model: ServoModel,
+    first: EquationErrorFit,
+    bodies: Array,
+    runs: Sequence[ServoRun],
+    options: ServoOptions,
+    *,
+    saturated: bool = False,
 ) -> Unknowns:
     """Unknowns whose prior mean is the first estimate, with the stiffness of options, description or loads.
 
@@ -96,7 +106,7 @@ def make_unknowns(
         viscous = max(first.viscous[j] - damping[j] / stiffness[j], SMALLEST["viscous"])
         value = viscous if law.symbol == "FV" else max(first.dry[j], SMALLEST["dry"])
         friction[k] = stiffness[j] * (value if law.symbol in ("FV", "FS") else SMALLEST["dry"])
-    limit, limit_deviation = _limits(model, first, stiffness, options)
+    limit, limit_deviation = _limits(model, first, stiffness, options, saturated=saturated)
     mean = ServoParameters(
         bodies,
         stiffness * np.maximum(first.inertia, SMALLEST["inertia"]),
@@ -141,13 +151,13 @@ def _needed_torque(model: ServoModel, bodies: Array, runs: Sequence[ServoRun]) -
 
 
 def _limits(
-    model: ServoModel, first: EquationErrorFit, stiffness: Array, options: ServoOptions
+    model: ServoModel, first: EquationErrorFit, stiffness: Array, options: ServoOptions, *, saturated: bool
 ) -> tuple[Array, Array]:
     """Largest torque of each joint and the deviation of its logarithm, shape (n,) each.
 
     A described limit within a factor of `OTHER_LIMIT` of what the recordings show is taken, else what they show. Many
     descriptions state a continuous torque, or any number, so a limit that the first estimate exceeds without a sign
-    of saturation is not used.
+    of saturation is not used; if some rows may be saturated, only one that it exceeds by far.
     """
     if options.limit is not None:
         return np.asarray(options.limit, dtype=np.float64), np.zeros(model.n)
@@ -156,6 +166,6 @@ def _limits(
     with np.errstate(invalid="ignore", divide="ignore"):
         near = np.abs(np.log(shown / described)) < np.log(OTHER_LIMIT)
     found = np.isfinite(shown)
-    exceeded = ~found & (asked > described)
+    exceeded = ~found & (asked > (FAR_BEYOND if saturated else 1.0) * described)
     mean = np.where(found & ~near, shown, np.where(exceeded, np.inf, described))
     return mean, np.where(found & ~near, UNKNOWN_LIMIT, LIMIT)

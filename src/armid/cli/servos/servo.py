@@ -101,13 +101,13 @@ def _deliver(result: ServoResult, folder: Path, *, page: bool, json: bool) -> st
     if page and attempt(PAGE, lambda: _write_page(result, stored)):
         written.append(PAGE)
     if not json:
-        if delivery.check:
+        if delivery.check and delivery.check["total"] <= delivery.check["bound"]:
             sys.stdout.write(
                 f"MuJoCo {delivery.check['mujoco']} moves model.xml like armid, within "
                 f"{1e3 * delivery.check['total']:.2g} mrad (mm) RMS\n"
             )
         sys.stdout.write(f"result written to {folder}: {', '.join(written)}\n")
-    return stored.errors.verdict
+    return "fail" if any(each.severity == "error" for each in stored.findings) else stored.errors.verdict
 
 
 def _study(

@@ -119,7 +119,7 @@ def _checked(
             found = compare_roll_outs(path, stored.model, stored.parameters, beginnings(runs))
         except OutputError as error:
             return None, (Finding("servo-file-refused", "warning", MODEL, error.problem, error.remedy),)
-    if found is None or not found.total > SAME:
+    if found is None or found.total <= SAME:
         return found, ()
     j = int(np.argmax(found.rms))
     what = (

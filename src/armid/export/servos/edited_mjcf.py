@@ -19,6 +19,7 @@ from armid.export.servos.mjcf_actuators import (
 from armid.export.types import Content, DescriptionSource
 from armid.export.xml_edit import Document, XmlNode, element_text
 from armid.robot.mjcf.settings import ACTUATORS
+from armid.robot.packages import may_read
 from armid.robot.robot import InertialParameters
 from armid.servo.parameters import ServoModel, ServoParameters
 
@@ -32,8 +33,11 @@ def reason_without_shapes(source: DescriptionSource | None) -> str:
         return "the description is not an MJCF"
     if source.locked:
         return f"joints of the description are locked ({', '.join(source.locked)})"
-    missing = [str(path) for path in _files(Document(source.data), Path(source.path).resolve().parent)]
-    missing = [path for path in missing if not Path(path).is_file()]
+    files = _files(Document(source.data), Path(source.path).resolve().parent)
+    outside = [path for path in files if not may_read(path, source.path)]
+    if outside:
+        return f"the description names a file outside of its folders: {outside[0]}"
+    missing = [str(path) for path in files if not path.is_file()]
     more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
     return f"files of the description are missing: {missing[0]}{more}" if missing else ""
 

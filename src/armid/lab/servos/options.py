@@ -127,9 +127,14 @@ def servo_lab_options(*tables: Mapping[str, Any]) -> ServoLabOptions:
     whole: dict[str, Any] = {}
     for table in tables:
         whole = _replaced(whole, table)
-    whole.setdefault("sensing", {}).setdefault("rate", _usual_sensing().rate)
-    whole["sensing"].setdefault("side", _usual_sensing().side)
-    whole["sensing"].setdefault("position", {"resolution": TURN / 2**12})
+    sensing = whole.setdefault("sensing", {})
+    if not isinstance(sensing, dict):
+        raise LabError(
+            f"`sensing` of the lab.toml must be a table; found {sensing!r}.", remedy="write [sensing] and its keys."
+        )
+    sensing.setdefault("rate", _usual_sensing().rate)
+    sensing.setdefault("side", _usual_sensing().side)
+    sensing.setdefault("position", {"resolution": TURN / 2**12})
     with boundary("options of the lab", "lab.toml", LabError, remedy="correct the keys that docs/lab.md explains."):
         return made(ServoLabOptions, whole, "lab.toml")
 

@@ -104,15 +104,21 @@ def _errors(page_data: ServoPageData) -> Sentences:
 
 
 def _joints_worse(page_data: ServoPageData) -> Sentences:
-    """Sentence about joints that are predicted worse than by their commands."""
+    """Sentences about joints that are predicted worse than by their commands or by the description."""
     score = page_data.stored.errors.score
     if score is None:
         return [], [], []
-    worse = [j for j in range(len(page_data.joints)) if not score.model.joints[j] < score.command.joints[j]]
-    if not worse:
-        return ["Every joint is predicted better than by its command."], [], []
-    names = _listed(page_data, worse)
-    return [], [f"Predicted worse than by the command: {names}; compare these errors with the encoder's step."], []
+    joints = range(len(page_data.joints))
+    worse = [j for j in joints if not score.model.joints[j] < score.command.joints[j]]
+    good = [] if worse else ["Every joint is predicted better than by its command."]
+    bad: list[str] = []
+    if worse:
+        names = _listed(page_data, worse)
+        bad.append(f"Predicted worse than by the command: {names}; compare these errors with the encoder's step.")
+    if score.described is not None:
+        behind = [j for j in joints if score.model.joints[j] > score.described.joints[j]]
+        bad += [f"Predicted worse than by the description: {_listed(page_data, behind)}."] if behind else []
+    return good, bad, []
 
 
 def _band(page_data: ServoPageData) -> Sentences:

@@ -33,7 +33,7 @@ def validate_servo(
     trained = {
         sha256
         for choice, sha256 in zip(stored.study.recordings, stored.digests, strict=True)
-        if choice.role == "train" and choice.part == (0.0, 1.0)
+        if choice.role == "train"
     }
     runs: list[ServoRun] = []
     findings: list[Finding] = []
@@ -43,7 +43,7 @@ def validate_servo(
             raise StudyError(
                 f"{path} cannot be used to validate {stored.folder}, because the arm was trained on the same data "
                 f"(sha256 {recording.sha256[:12]}…).",
-                remedy="give a recording that was not used for training.",
+                remedy="give a recording of which no part was used for training.",
             )
         runs += servo_runs(recording)
         findings += found

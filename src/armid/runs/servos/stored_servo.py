@@ -181,6 +181,7 @@ def load_servo(folder: Path | str) -> StoredServo:
     with boundary(f"a {KIND}", path, remedy=AGAIN):
         study = study_of_record(record["study"])
         model = make_servo_model(robot, [TERMS[name]() for name in study.servo.terms])
+        model = replace(model, longest_step=float(record["longest_step"]))
         left_out = record["left_out"]["refined" if record["refined"] else "first"]
         score = record["validation"]
         return StoredServo(

@@ -13,21 +13,14 @@ from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.excitation.command_motion import CommandMotion, command_ranges
 from armid.model.terms import Coulomb, Viscous
-from armid.servo.closed_loop import simulate
+from armid.servo.closed_loop import position_derivatives, simulate
 from armid.servo.held_command import held_means
-from armid.servo.identify_servo import (
-    DELAY,
-    FRICTION,
-    OFFSET,
-    STIFFNESS,
-    UNKNOWN_STIFFNESS,
-    USUAL_ERROR,
-    described_bodies,
-)
+from armid.servo.identify_servo import described_bodies
 from armid.servo.motion_design.shape import GENES, commands_of_shape, mutated
 from armid.servo.options import ServoOptions
 from armid.servo.output_error import FINEST, TRANSIENT
 from armid.servo.parameters import ServoModel, ServoParameters
+from armid.servo.servo_prior import DELAY, FRICTION, OFFSET, STIFFNESS, UNKNOWN_STIFFNESS, USUAL_ERROR
 from armid.servo.servo_run import ServoRun
 from armid.servo.unknowns import PriorDeviations, Unknowns
 
@@ -123,6 +116,7 @@ def expected_unknowns(model: ServoModel, options: ServoOptions) -> Unknowns:
         np.full(n, FRICTION),
         deviation,
         np.zeros(n),
+        np.zeros(n),
         np.full(n, OFFSET),
         np.full(n, DELAY),
         options.bodies,
@@ -135,14 +129,15 @@ def judge_commands(unknowns: Unknowns, commands: CommandMotion) -> CommandDesign
     model, mean = unknowns.model, unknowns.mean
     start = np.repeat(commands.command[:1], len(commands.command), axis=0)
     run = ServoRun(1.0 / commands.rate, 0.0, start, np.zeros(model.n), commands.time, commands.command)
-    (found,) = simulate(model, mean, [run], derivatives=True)
-    if found.jacobian is None:
+    (found,) = simulate(model, mean, [run])
+    derivatives = position_derivatives(model, mean, found)
+    if derivatives is None:
         empty = np.full(model.n, np.inf)
         return CommandDesign(commands, np.inf, {}, empty, np.stack([-empty, empty]), 1)
     every = max(1, round(FINEST / run.step))
-    jacobian = found.jacobian[round(TRANSIENT / run.step) :: every]
+    jacobian = derivatives[round(TRANSIENT / run.step) :: every]
     weight = 1.0 / (RESIDUAL**2 * max(CORRELATION / (every * run.step), 1.0))
-    columns = unknowns.chained(jacobian, np.zeros(unknowns.count)).reshape(-1, unknowns.count)
+    columns = (jacobian @ unknowns.chain(np.zeros(unknowns.count))).reshape(-1, unknowns.count)
     information = np.diag(unknowns.deviation**-2) + weight * columns.T @ columns
     deviation = np.sqrt(np.diag(np.linalg.inv(information)))
     named = [(k, name) for k, name in enumerate(unknowns.names()) if name[0] in WANTED]

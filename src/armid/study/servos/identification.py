@@ -120,7 +120,7 @@ def identify_servo_study(
         raise diagnosed_error(error, faults) from error
     tell("validation", 0.0)
     band = position_band(estimate, parts["train"])
-    score = servo_score(model, estimate.parameters, parts["validate"], band) if parts["validate"] else None
+    score = servo_score(estimate.model, estimate.parameters, parts["validate"], band) if parts["validate"] else None
     values = tuple(estimated_values(estimate, list(parts["train"])))
     findings = (
         *robot.findings,

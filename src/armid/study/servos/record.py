@@ -38,6 +38,7 @@ def servo_record(result: ServoResult) -> dict[str, Any]:
         "joints": list(joints),
         "values": values,
         "parameters": {name: getattr(estimate.parameters, name) for name in PARAMETERS},
+        "longest_step": estimate.model.longest_step,
         "laws": [{"symbol": law.symbol, "joint": joints[law.joint], "unit": law.unit} for law in estimate.model.laws],
         "refined": estimate.refined,
         "left_out": {"refined": error_record(estimate.left_out[0]), "first": error_record(estimate.left_out[1])},

@@ -9,6 +9,7 @@ from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
 from armid.doctor.command_response import MOVES
 from armid.errors import Finding
+from armid.measurement.recording import select_rows
 from armid.notebook_display import plural
 
 SHIFTS = 5
@@ -31,6 +32,9 @@ def check(evidence: LogEvidence) -> list[Finding]:
     if recording is None or recording.command is None or recording.consecutive is False:
         return []
     names = evidence.robot.joint_names
+    recording = select_rows(recording, recording.valid.all(axis=1) & np.isfinite(recording.q).all(axis=1))
+    if recording.command is None or recording.samples < 2:
+        return []
     moving = [j for j in range(recording.n) if np.ptp(recording.q[:, j]) > MOVES]
     copies: dict[int, list[str]] = {}
     findings: list[Finding] = []

@@ -70,8 +70,12 @@ def _levels(response: CommandResponse, joints: np.ndarray) -> np.ndarray:
             value, lag = response.correlation(int(j), int(j), part)
             if value > IN_PART and np.sqrt(np.mean(speed[part, j] ** 2)) > ACTIVE * usual[j]:
                 lags[k, m] = lag
+    lags = lags[:, np.isfinite(lags).any(axis=0)]
+    if not lags.size:
+        return np.zeros(0)
     # The lag of a joint differs between slow and fast motion, so the change that most joints share counts.
-    common = [np.nanmedian(row) for row in lags - np.nanmedian(lags, axis=0) if np.isfinite(row).sum() * 2 > len(row)]
+    changes = lags - np.nanmedian(lags, axis=0)
+    common = [np.nanmedian(row) for row in changes if np.isfinite(row).sum() * 2 > len(joints)]
     if len(common) < FEWEST:
         return np.zeros(0)
     thirds = [np.median(third) for third in np.array_split(np.array(common), 3)]

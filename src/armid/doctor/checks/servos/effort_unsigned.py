@@ -7,6 +7,7 @@ import numpy as np
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
 from armid.errors import Finding
+from armid.measurement.recording import select_rows
 from armid.measurement.remedy_builders import naming
 
 MOVES = 0.05
@@ -26,6 +27,9 @@ def check(evidence: LogEvidence) -> list[Finding]:
     """Reports efforts that are never negative, or never positive, although the joints move in both directions."""
     recording = evidence.recording
     if recording is None or recording.effort is None:
+        return []
+    recording = select_rows(recording, recording.valid.all(axis=1) & np.isfinite(recording.q).all(axis=1))
+    if recording.effort is None or recording.samples < 2:
         return []
     moving = [j for j in range(recording.n) if _reverses(recording.q[:, j]) and np.ptp(recording.effort[:, j]) > 0.0]
     if len(moving) < FEWEST:

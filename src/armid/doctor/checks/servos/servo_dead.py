@@ -47,7 +47,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
             found.append(Finding("servo-dead", "error", name, what, remedy))
             continue
         stop = _stop(command, q, asked)
-        limited = _limited(command - q)
+        limited = _limited(command, q)
         if stop is not None:
             place, share = stop
             what = f"{name} stops at {place:.4g} in {share:.0%} of the rows, while its command is further on."
@@ -73,11 +73,13 @@ def _stop(command: Array, q: Array, asked: float) -> tuple[float, float] | None:
     return None
 
 
-def _limited(error: Array) -> tuple[float, float] | None:
-    """Largest position error, and the share of the rows at it, if it is a limit."""
+def _limited(command: Array, q: Array) -> tuple[float, float] | None:
+    """Largest position error, and the share of the rows at it, if it stays the same while the command changes."""
+    error = command - q
     size = float(np.abs(error).max())
     rows = np.abs(error) >= (1.0 - LEVEL) * size
-    if size > 0.0 and rows.sum() >= max(FEWEST, SHARE * len(error)):
+    steady = rows.sum() < max(FEWEST, SHARE * len(error)) or np.ptp(command[rows]) < size
+    if size > 0.0 and not steady:
         return size, float(rows.mean())
     return None
 
