@@ -143,7 +143,8 @@ def fit_equation_error(
     coefficients = np.array([each.coefficients for each in fits]).T
     largest = np.max([np.abs(e - coefficients[4]).max(axis=0) for e in errors], axis=0)
     deviation = np.array([each.deviation for each in fits])
-    return EquationErrorFit(coefficients[0], deviation, *coefficients[1:], saturation, largest)
+    compliance, inertia, viscous, dry, offset = coefficients
+    return EquationErrorFit(compliance, deviation, inertia, viscous, dry, offset, saturation, largest)
 
 
 def _fit_joint(columns: Array, error: Array, rows: float, compliance: float | None) -> _JointFit:

@@ -32,7 +32,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
     if recording is None or recording.command is None or recording.consecutive is False:
         return []
     names = evidence.robot.joint_names
-    recording = select_rows(recording, recording.valid.all(axis=1) & np.isfinite(recording.q).all(axis=1))
+    keep = np.asarray(recording.valid.all(axis=1) & np.isfinite(recording.q).all(axis=1), dtype=np.bool_)
+    recording = select_rows(recording, keep)
     if recording.command is None or recording.samples < 2:
         return []
     moving = [j for j in range(recording.n) if np.ptp(recording.q[:, j]) > MOVES]

@@ -28,7 +28,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
     recording = evidence.recording
     if recording is None or recording.effort is None:
         return []
-    recording = select_rows(recording, recording.valid.all(axis=1) & np.isfinite(recording.q).all(axis=1))
+    keep = np.asarray(recording.valid.all(axis=1) & np.isfinite(recording.q).all(axis=1), dtype=np.bool_)
+    recording = select_rows(recording, keep)
     if recording.effort is None or recording.samples < 2:
         return []
     moving = [j for j in range(recording.n) if _reverses(recording.q[:, j]) and np.ptp(recording.effort[:, j]) > 0.0]
