@@ -100,17 +100,11 @@ def make_unknowns(
             remedy="state the stiffness of the servos: --stiffness, or the table [servo] of a study.",
         )
     damping = np.zeros(n) if options.damping is None else np.asarray(options.damping, dtype=np.float64)
-    friction = np.empty(len(model.laws))
-    for k, law in enumerate(model.laws):
-        j = law.joint
-        viscous = max(first.viscous[j] - damping[j] / stiffness[j], SMALLEST["viscous"])
-        value = viscous if law.symbol == "FV" else max(first.dry[j], SMALLEST["dry"])
-        friction[k] = stiffness[j] * (value if law.symbol in ("FV", "FS") else SMALLEST["dry"])
     limit, limit_deviation = _limits(model, first, stiffness, options, saturated=saturated)
     mean = ServoParameters(
         bodies,
         stiffness * np.maximum(first.inertia, SMALLEST["inertia"]),
-        friction,
+        _friction(model, first, stiffness, damping),
         stiffness,
         damping,
         limit,
@@ -128,6 +122,17 @@ def make_unknowns(
         options.bodies,
     )
     return Unknowns(model, mean, deviations)
+
+
+def _friction(model: ServoModel, first: EquationErrorFit, stiffness: Array, damping: Array) -> Array:
+    """Parameter of each friction law by the first estimate, shape (l,); small values for laws that it does not have."""
+    friction = np.empty(len(model.laws))
+    for k, law in enumerate(model.laws):
+        j = law.joint
+        viscous = max(first.viscous[j] - damping[j] / stiffness[j], SMALLEST["viscous"])
+        value = viscous if law.symbol == "FV" else max(first.dry[j], SMALLEST["dry"])
+        friction[k] = stiffness[j] * (value if law.symbol in ("FV", "FS") else SMALLEST["dry"])
+    return friction
 
 
 def _stiffness(model: ServoModel, first: EquationErrorFit, options: ServoOptions) -> tuple[Array, Array]:
