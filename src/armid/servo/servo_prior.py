@@ -125,7 +125,7 @@ def make_unknowns(
 
 
 def _friction(model: ServoModel, first: EquationErrorFit, stiffness: Array, damping: Array) -> Array:
-    """Parameter of each friction law by the first estimate, shape (l,); small values for laws that it does not have."""
+    """Parameter of each friction law by the first estimate, shape (l,); small for laws that it does not have."""
     friction = np.empty(len(model.laws))
     for k, law in enumerate(model.laws):
         j = law.joint
