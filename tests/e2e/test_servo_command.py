@@ -176,6 +176,29 @@ def test_an_unknown_format_is_one_error(identified, armid, tmp_path):
     assert "has format 1" in " ".join(done.err.split())
 
 
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (lambda record: record.update(band=[0.1]), "for 3 joints"),
+        (lambda record: record["training"].update(joints=[0.1]), "for 3 joints"),
+        (lambda record: record["sha256"].update(recordings=[]), "0 digests"),
+        (lambda record: record["values"][0].update(origin="guessed"), "is no origin"),
+        (lambda record: record["sha256"].update(robot="0" * 64), "changed or damaged"),
+        (lambda record: record.pop("longest_step"), "cannot be read"),
+    ],
+)
+def test_a_damaged_record_is_one_error(identified, armid, tmp_path, change, text):
+    out, _, _ = identified
+    other = tmp_path / "other"
+    shutil.copytree(out, other)
+    record = json.loads((other / "servo.json").read_text())
+    change(record)
+    (other / "servo.json").write_text(json.dumps(record))
+    done = armid("report", other)
+    assert done.code == 2
+    assert text in " ".join(done.err.split())
+
+
 def test_the_overview_names_the_latest_servos(identified, tmp_path, monkeypatch):
     out, _, _ = identified
     shutil.copytree(out, tmp_path / "runs" / "hobby")

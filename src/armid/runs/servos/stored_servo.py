@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -18,11 +18,12 @@ from armid.atomic_file import replace_file
 from armid.checked_array import Array
 from armid.dataclass_files import load, save
 from armid.errors import ArmidError, Finding
+from armid.hashes import sha256_of_file
 from armid.input_boundary import boundary, read_json
 from armid.model.terms import TERMS
 from armid.robot import Robot
 from armid.runs.read_records import study_of_record
-from armid.servo.estimate_table import EstimatedValue
+from armid.servo.estimate_table import EstimatedValue, Origin
 from armid.servo.parameters import ServoModel, ServoParameters, make_servo_model
 from armid.servo.score import ClosedLoopError
 from armid.study.config import Study
@@ -154,8 +155,9 @@ def save_servo(
     record = servo_record(replace(result, findings=stored.findings))
     record |= {"rollout_check": check or None, "made": origin_record(stored.made)}
     with whole_folder(stored.folder, MARKER, KIND) as draft:
-        replace_file(draft / MARKER, to_json(record) + "\n")
         save(result.robot, draft / ROBOT)
+        record["sha256"] |= {"robot": sha256_of_file(draft / ROBOT)}
+        replace_file(draft / MARKER, to_json(record) + "\n")
         for name, data in files.items():
             (draft / name).write_bytes(data)
 
@@ -177,6 +179,13 @@ def load_servo(folder: Path | str) -> StoredServo:
             f"{path} has format {found}; this version of armid reads format {SERVO_FORMAT}.",
             remedy=f"update armid, or {AGAIN}",
         )
+    with boundary(f"a {KIND}", path, remedy=AGAIN):
+        digest = record["sha256"]["robot"]
+    if sha256_of_file(folder / ROBOT) != digest:
+        raise ArmidError(
+            f"{folder / ROBOT} was changed or damaged after armid wrote it: its SHA-256 is not that in {MARKER}.",
+            remedy=f"restore the folder from a copy, or {AGAIN}",
+        )
     robot = load(Robot, folder / ROBOT)
     with boundary(f"a {KIND}", path, remedy=AGAIN):
         study = study_of_record(record["study"])
@@ -184,6 +193,9 @@ def load_servo(folder: Path | str) -> StoredServo:
         model = replace(model, longest_step=float(record["longest_step"]))
         left_out = record["left_out"]["refined" if record["refined"] else "first"]
         score = record["validation"]
+        digests = tuple(str(each) for each in record["sha256"]["recordings"])
+        if len(digests) != len(study.recordings):
+            raise ValueError(f"{len(study.recordings)} recordings have {len(digests)} digests")
         return StoredServo(
             str(folder),
             study,
@@ -191,14 +203,14 @@ def load_servo(folder: Path | str) -> StoredServo:
             parameters_of_record(record),
             tuple(_value(each, robot.joint_names) for each in record["values"]),
             ServoErrors(
-                _error(record["training"]),
-                _error(left_out),
-                None if score is None else _score(score),
-                _numbers(record["band"]),
+                _error(record["training"], robot.n),
+                _error(left_out, robot.n),
+                None if score is None else _score(score, robot.n),
+                _of_joints(record["band"], robot.n),
             ),
             tuple(_finding(each) for each in record["warnings"]),
             float(record["seconds"]),
-            tuple(str(each) for each in record["sha256"]["recordings"]),
+            digests,
             origin_of(record),
         )
 
@@ -215,17 +227,25 @@ def _numbers(values: Any) -> Array:
     return np.array(values, dtype=np.float64)
 
 
-def _error(record: Mapping[str, Any]) -> ClosedLoopError:
-    return ClosedLoopError(_numbers(record["joints"]), _numbers(record["runs"]))
+def _of_joints(values: Any, n: int) -> Array:
+    """Numbers of a record, one for each of n joints."""
+    found = _numbers(values)
+    if found.shape != (n,):
+        raise ValueError(f"a list for {n} joints has the shape {found.shape}")
+    return found
 
 
-def _score(record: Mapping[str, Any]) -> ServoScore:
+def _error(record: Mapping[str, Any], n: int) -> ClosedLoopError:
+    return ClosedLoopError(_of_joints(record["joints"], n), _numbers(record["runs"]))
+
+
+def _score(record: Mapping[str, Any], n: int) -> ServoScore:
     described = record["described"]
     return ServoScore(
-        _error(record["model"]),
-        _error(record["command"]),
-        None if described is None else _error(described),
-        _numbers(record["coverage"]),
+        _error(record["model"], n),
+        _error(record["command"], n),
+        None if described is None else _error(described, n),
+        _of_joints(record["coverage"], n),
     )
 
 
@@ -234,6 +254,8 @@ def _value(record: Mapping[str, Any], joints: tuple[str, ...]) -> EstimatedValue
         float("nan") if record[key] is None else float(record[key]) for key in ("low", "high", "value", "information")
     )
     joint = joints.index(record["joint"])
+    if record["origin"] not in get_args(Origin):
+        raise ValueError(f"{record['origin']} is no origin of a value")
     return EstimatedValue(record["kind"], joint, value, low, high, information, record["origin"], record["reason"])
 
 
