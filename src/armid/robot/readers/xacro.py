@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Generator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from armid.errors import MissingExtraError, RobotError
@@ -24,6 +26,10 @@ from armid.robot.xml import parse_xml, root_tag
 MOST_CALLS = 5000
 """Largest number of calls of macros. Macros that call others twice would double the description again and again; the
 limit of links is 5000, too."""
+
+EXPANDING = Lock()
+"""Lock of an expansion: xacro keeps the files that it reads in variables of its module, and its functions that run
+expressions or open files are replaced meanwhile."""
 
 
 def recognises(text: str) -> bool:
@@ -73,13 +79,32 @@ def expand(text: str, source: str) -> str:
     except ImportError as error:
         raise MissingExtraError("xacrodoc", f"Reading {source}", "xacro") from error
     parse_xml(text, source)
-    xacrodoc.packages.reset()  # else folders of packages of an earlier description are used
-    xacrodoc.packages.walk_up_from(source)
-    xacro.safe_eval = evaluate
-    counted = _count_calls(xacro)
-    _contain(xacro, source, xacrodoc.packages)
-    setattr(substitution_args, "_eval", _evaluate_argument)  # noqa: B010 - it is private
-    xacrodoc.packages.update_package_cache(dict(given_packages()))
+    with EXPANDING:
+        xacrodoc.packages.reset()  # else folders of packages of an earlier description are used
+        xacrodoc.packages.walk_up_from(source)
+        counted, count = _counted_calls(xacro.handle_macro_call)
+        read_only, parse = _contained(xacro, source, xacrodoc.packages)
+        own = {"handle_macro_call": count, "abs_filename_spec": read_only, "parse": parse, "safe_eval": evaluate}
+        with _replaced(xacro, own), _replaced(substitution_args, {"_eval": _evaluate_argument}):
+            xacrodoc.packages.update_package_cache(dict(given_packages()))
+            return _expanded(text, source, xacro, xacrodoc, counted)
+
+
+@contextmanager
+def _replaced(module: Any, functions: Mapping[str, Callable[..., Any]]) -> Generator[None]:
+    """Context in which functions of a module are replaced, by their names."""
+    plain = {name: getattr(module, name) for name in functions}
+    try:
+        for name, function in functions.items():
+            setattr(module, name, function)
+        yield
+    finally:
+        for name, function in plain.items():
+            setattr(module, name, function)
+
+
+def _expanded(text: str, source: str, xacro: Any, xacrodoc: Any, counted: list[None]) -> str:
+    """URDF text of a xacro text, after a search for packages that it names."""
     asked: set[str] = set()
     while True:
         try:
@@ -103,9 +128,8 @@ def expand(text: str, source: str) -> str:
             xacrodoc.packages.update_package_cache({name: str(places[0])})
 
 
-def _count_calls(xacro: Any) -> list[None]:
-    """Lets xacro count the calls of macros, and refuse too many; the returned list has an entry for each call."""
-    plain = getattr(xacro.handle_macro_call, "plain", xacro.handle_macro_call)
+def _counted_calls(plain: Callable[..., Any]) -> tuple[list[None], Callable[..., Any]]:
+    """List that gets an entry for each call of a macro, and a function that calls macros, but not too many."""
     calls: list[None] = []
 
     def handle_macro_call(*arguments: Any) -> Any:
@@ -116,20 +140,18 @@ def _count_calls(xacro: Any) -> list[None]:
             )
         return plain(*arguments)
 
-    vars(handle_macro_call)["plain"] = plain
-    xacro.handle_macro_call = handle_macro_call
-    return calls
+    return calls, handle_macro_call
 
 
-def _contain(xacro: Any, source: str, packages: Any) -> None:
-    """Lets xacro read only files that the description may read, and refuse document types in them.
+def _contained(xacro: Any, source: str, packages: Any) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Functions for the path of a file and for its contents, which read only what the description may read.
 
     Args:
-        xacro: The module; two of its functions are replaced.
+        xacro: The module, whose functions `abs_filename_spec` and `parse` they replace.
         source: Path of the description.
         packages: Module of xacrodoc with the folders of the packages that were found.
     """
-    plain = [getattr(each, "plain", each) for each in (xacro.abs_filename_spec, xacro.parse)]
+    plain = xacro.abs_filename_spec, xacro.parse
 
     def abs_filename_spec(name: str) -> str:
         path = str(plain[0](name))
@@ -144,9 +166,7 @@ def _contain(xacro: Any, source: str, packages: Any) -> None:
                 parse_xml(given, str(path))
         return plain[1](given, filename)
 
-    for each, own in zip(plain, (abs_filename_spec, parse), strict=True):
-        vars(own)["plain"] = each
-        setattr(xacro, own.__name__, own)
+    return abs_filename_spec, parse
 
 
 def _evaluate_argument(text: str, context: dict[str, Any]) -> str:
