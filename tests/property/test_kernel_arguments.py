@@ -53,7 +53,7 @@ def parameter_arrays() -> Arguments:
         "target": layout.target,
         "parameter": layout.parameter,
         "law": np.full(2, -1, i4),
-        "joint": np.full((3, JOINTS), -1, i4),
+        "joint": np.full((4, JOINTS), -1, i4),
         "input_joint": np.zeros(1, i4),
         "input_parameter": np.full(1, links, i4),
         "input": np.ones((1, N)),
