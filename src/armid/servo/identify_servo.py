@@ -126,10 +126,11 @@ def described_bodies(robot: Robot) -> Array:
         EstimationError: A link has no mass, or no real body has its inertial parameters.
     """
     bodies = robot.inertial_vector
-    if bodies is None or (bodies[:, 0] <= 0.0).any():
+    massless = [link.name for link in robot.links if link.inertial is None or link.inertial.vector[0] <= 0.0]
+    if bodies is None or massless:
         raise EstimationError(
-            f"The description of {robot.name} gives no mass for some links. Without torque in the log, the links are "
-            "the only known load.",
+            f"The description of {robot.name} gives no mass for {', '.join(massless)}. Without torque in the log, "
+            "the links are the only known load.",
             remedy="use a description with masses; estimates from CAD are good enough.",
         )
     impossible = [

@@ -89,7 +89,7 @@ def test_a_description_without_masses_is_refused(identified):
     _, _, train, _ = identified[0]
     robot = small_arm()
     empty = replace(robot, links=[replace(link, inertial=None) for link in robot.links])
-    with pytest.raises(EstimationError, match="gives no mass"):
+    with pytest.raises(EstimationError, match="gives no mass for link_1, link_2, link_3"):
         identify_servo(servo_model(empty), [train])
 
 
