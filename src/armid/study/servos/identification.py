@@ -28,6 +28,7 @@ from armid.study.recordings.reading import read_all
 from armid.study.servos.choice import servo_options
 from armid.study.servos.command_checks import command_findings
 from armid.study.servos.described_servo_findings import described_servo_findings
+from armid.study.servos.servo_estimate_findings import servo_estimate_findings
 
 USED = 0.9
 """Share of a recording from which the unused rest is not worth a finding."""
@@ -128,7 +129,7 @@ def identify_servo_study(
         *faults,
         *unused_findings(recordings, parts),
         *described_servo_findings(robot, (*parts["train"], *parts["validate"])),
-        *estimate_findings(estimate),
+        *servo_estimate_findings(estimate),
     )
     seconds = time.perf_counter() - began
     digests = tuple(recording.sha256 for _, recording in recordings)
@@ -171,33 +172,4 @@ def unused_findings(
             what = f"{used:.3g} s of {span:.3g} s are used; gaps, masked rows and pieces below a second are not"
             remedy = "check the clock and the positions with `armid doctor`"
             found.append(Finding("servo-part-unused", "warning", recording.source, what, remedy))
-    return found
-
-
-def estimate_findings(estimate: ServoEstimate) -> list[Finding]:
-    """Findings about the search, and about the integration of the motion."""
-    found: list[Finding] = []
-    refined, first = (each.total for each in estimate.left_out)
-    if not estimate.refined:
-        what = (
-            f"on parts of the recordings that were left out, the estimate by the output error has an error of "
-            f"{1e3 * refined:.3g} mrad and the first estimate one of {1e3 * first:.3g} mrad; the first one was kept"
-        )
-        found.append(Finding("servo-not-refined", "warning", "", what, "record motion that moves every joint more"))
-    if not estimate.fit.settled:
-        what = f"the search for the smallest output error did not converge in {estimate.fit.steps} steps"
-        found.append(Finding("not-converged", "warning", "", what, "check the commands with `armid doctor`"))
-    described = np.array([joint.effort_limit for joint in estimate.model.robot.joints])
-    unused = np.flatnonzero(np.isfinite(described) & np.isinf(estimate.parameters.limit))
-    if unused.size:
-        names = estimate.model.robot.joint_names
-        what = (
-            "the motion exceeds the largest torque that the description states, and no row looks saturated: "
-            f"{', '.join(f'{names[j]} ({described[j]:.3g})' for j in unused)}; these joints are simulated without one"
-        )
-        remedy = "state the largest torque of the servos (limit in [servo]), or correct the effort limits"
-        found.append(Finding("servo-limit-unused", "warning", "", what, remedy))
-    if estimate.fit.unsettled:
-        what = f"{estimate.fit.unsettled} integration steps did not converge"
-        found.append(Finding("integration-unsettled", "warning", "", what, "check the limits of the torque"))
     return found
