@@ -40,16 +40,13 @@ Table = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 def write_servo_inputs(folder: Path) -> None:
     """Writes a description with servos, an SRDF, a study, and one recording in each form; takes a few seconds."""
-    import pytest
-
     from armid.export.servos.mjcf_actuators import servo_mjcf
     from servo_labs import any_parameters, recorded, servo_model, small_arm
 
     rng, model = np.random.default_rng(5), servo_model(small_arm())
     truth = any_parameters(model, rng)
     (folder / "servo.xml").write_bytes(servo_mjcf(model, truth))
-    with pytest.MonkeyPatch.context() as patched:
-        run = recorded(model, truth, rng, SECONDS + 0.5, patched)
+    run = recorded(model, truth, rng, SECONDS + 0.5)
     table = run.time, np.asarray(run.q), run.held(run.time)
     (folder / "servo.toml").write_text(STUDY)
     (folder / "small.srdf").write_text(SRDF)

@@ -132,9 +132,8 @@ CHECK = LogCheck(
         "torque-gain",
         "torque-sign",
         "residual-large",
-        "motor-side",
         "rotor-inertia-missing",
         "excitation-weak",
     ),
-    follows=("degrees", "effort-unsigned", "joint-order", "position-sign"),
+    follows=("degrees", "effort-unsigned", "joint-order", "motor-side", "position-sign"),
 )
