@@ -65,7 +65,7 @@ def simulate(model: ServoModel, parameters: ServoParameters, runs: Sequence[Serv
     """
     found: dict[int, SimulatedRun] = {}
     for each in _side_by_side(runs):
-        substeps = max(1, int(np.ceil(runs[each[0]].step / model.longest_step - 1e-9)))
+        substeps = steps_of_sample(model, runs[each[0]])
         step = runs[each[0]].step / substeps
         held = [
             held_means(run.command_time, run.command, parameters.delay, run.start, step, (run.samples - 1) * substeps)
@@ -81,6 +81,11 @@ def simulate(model: ServoModel, parameters: ServoParameters, runs: Sequence[Serv
             first = unsettled if k == each[0] else 0
             found[k] = SimulatedRun(of_q[states], of_dq[states], means, slopes, step, substeps, first)
     return tuple(found[k] for k in range(len(runs)))
+
+
+def steps_of_sample(model: ServoModel, run: ServoRun) -> int:
+    """Number of steps of the integration from one sample of a run to the next."""
+    return max(1, int(np.ceil(run.step / model.longest_step - 1e-9)))
 
 
 def _side_by_side(runs: Sequence[ServoRun]) -> list[list[int]]:

@@ -10,6 +10,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.robot.robot import Robot
+from armid.servo.closed_loop import steps_of_sample
 from armid.servo.equation_error import EquationErrorFit, fit_equation_error
 from armid.servo.options import ServoOptions
 from armid.servo.output_error import MOST_STEPS, TRANSIENT, OutputErrorFit, minimise_output_error
@@ -108,12 +109,9 @@ def identify_servo(
         most_steps=MOST_STEPS if refined else 0,
         progress=lambda share: tell("output error", share),
     )
-    if refined and SMALL_SHIFT < fit.integration < np.inf:
-        # The shift is in proportion to the step.
-        shorter_step = max(SHORTEST_STEP, model.longest_step * SMALL_SHIFT / fit.integration)
-        model = replace(model, longest_step=shorter_step)
-        unknowns = Unknowns(model, unknowns.mean, unknowns.deviations)
-        fit = minimise_output_error(unknowns, runs, start=fit.x, progress=lambda share: tell("shorter steps", share))
+    if refined:
+        unknowns, fit = _with_shorter_steps(unknowns, runs, fit, lambda share: tell("shorter steps", share))
+        model = unknowns.model
     training = closed_loop_error(model, fit.parameters, runs, after=TRANSIENT)
     kept = partial.parameters if refined else start.mean
     return ServoEstimate(model, unknowns, first, fit, fit.parameters, refined, left_out, training, kept)
@@ -179,6 +177,20 @@ def _without_the_end(
     if np.sum(np.log(other_fit.rms)) < np.sum(np.log(fit.rms)):
         return True, other, other_fit
     return False, unknowns, fit
+
+
+def _with_shorter_steps(
+    unknowns: Unknowns, runs: Sequence[ServoRun], fit: OutputErrorFit, progress: Callable[[float], None]
+) -> tuple[Unknowns, OutputErrorFit]:
+    """Minimum with steps of the integration that shift no unknown by much; the shift is in proportion to the step."""
+    if not SMALL_SHIFT < fit.integration < np.inf:
+        return unknowns, fit
+    step = min(run.step / steps_of_sample(unknowns.model, run) for run in runs)
+    shorter = max(SHORTEST_STEP, step * SMALL_SHIFT / fit.integration)
+    if shorter >= step:
+        return unknowns, fit
+    finer = Unknowns(replace(unknowns.model, longest_step=shorter), unknowns.mean, unknowns.deviations)
+    return finer, minimise_output_error(finer, runs, start=fit.x, progress=progress)
 
 
 def _windows(runs: Sequence[ServoRun]) -> list[ServoRun]:

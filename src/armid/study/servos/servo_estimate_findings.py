@@ -46,7 +46,7 @@ def servo_estimate_findings(estimate: ServoEstimate) -> list[Finding]:
         )
         remedy = "state the largest torque of the servos (limit in [servo]), or correct the effort limits"
         found.append(Finding("servo-limit-differs", "warning", "", what, remedy))
-    if estimate.fit.integration > LARGE_SHIFT:
+    if not estimate.fit.integration <= LARGE_SHIFT:  # also if the motion with shorter steps diverges
         what = (
             f"steps of the integration of {1e3 * estimate.model.longest_step:.3g} ms shift a parameter by "
             f"{estimate.fit.integration:.2g} of its standard deviations, so intervals are too narrow"
