@@ -176,6 +176,16 @@ def test_an_unknown_format_is_one_error(identified, armid, tmp_path):
     assert "has format 1" in " ".join(done.err.split())
 
 
+def test_a_folder_without_its_robot_is_one_error(identified, armid, tmp_path):
+    out, _, _ = identified
+    other = tmp_path / "other"
+    shutil.copytree(out, other)
+    (other / "robot.npz").unlink()
+    done = armid("report", other)
+    assert done.code == 2
+    assert "robot.npz" in done.err
+
+
 @pytest.mark.parametrize(
     ("change", "text"),
     [

@@ -30,6 +30,7 @@ from armid.robot import Robot
 from armid.study.config import ModelChoice, build_model
 from armid.study.identify import Result
 from armid.study.plausibility.recording_errors import recording_error_check
+from armid.study.storage.archive_digests import refuse_changed_archive
 from armid.study.storage.atomic_folder import completed, refuse, whole_folder
 from armid.study.storage.provenance import RunOrigin, origin_now, origin_of, origin_record
 from armid.study.storage.records import (
@@ -233,12 +234,8 @@ def _check_archives(folder: Path, kept: Mapping[str, Any]) -> None:
     """Raises an error if an archive of a run differs from the one that was written; earlier runs have no digests."""
     digests = kept.get("sha256")
     for name, digest in digests.items() if isinstance(digests, Mapping) else ():
-        path = folder / name
-        if name in ARCHIVES and path.is_file() and sha256_of_file(path) != digest:
-            raise ArmidError(
-                f"{path} was changed or damaged after armid wrote it: its SHA-256 is not that in model.json.",
-                remedy="restore the folder from a copy, or identify again.",
-            )
+        if name in ARCHIVES:
+            refuse_changed_archive(folder / name, digest, "model.json", "identify again.")
 
 
 def _model_record(folder: Path) -> dict[str, Any]:

@@ -29,6 +29,7 @@ from armid.servo.score import ClosedLoopError
 from armid.study.config import Study
 from armid.study.servos.identification import ServoResult, ServoScore
 from armid.study.servos.record import PARAMETERS, SERVO_FORMAT, servo_record
+from armid.study.storage.archive_digests import refuse_changed_archive
 from armid.study.storage.atomic_folder import completed, refuse, whole_folder
 from armid.study.storage.provenance import RunOrigin, origin_now, origin_of, origin_record
 from armid.study.storage.records import to_json
@@ -181,11 +182,7 @@ def load_servo(folder: Path | str) -> StoredServo:
         )
     with boundary(f"a {KIND}", path, remedy=AGAIN):
         digest = record["sha256"]["robot"]
-    if sha256_of_file(folder / ROBOT) != digest:
-        raise ArmidError(
-            f"{folder / ROBOT} was changed or damaged after armid wrote it: its SHA-256 is not that in {MARKER}.",
-            remedy=f"restore the folder from a copy, or {AGAIN}",
-        )
+    refuse_changed_archive(folder / ROBOT, digest, MARKER, AGAIN)
     robot = load(Robot, folder / ROBOT)
     with boundary(f"a {KIND}", path, remedy=AGAIN):
         study = study_of_record(record["study"])
