@@ -15,7 +15,6 @@ from typing import Any
 
 from armid.atomic_file import replace_file
 from armid.dataclass_files import load, save
-from armid.doctor.checks.signals.motor_side import CURRENT, MOTOR, UNIT
 from armid.errors import ArmidError
 from armid.estimation.estimate_record import Estimate
 from armid.estimation.link_properties import LinkTable, link_record, link_table
@@ -25,11 +24,10 @@ from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.dynamics_model import DynamicsModel
 from armid.notebook_display import Displayed, Summary
-from armid.remedy import Remedy
 from armid.robot import Robot
 from armid.study.config import ModelChoice, build_model
 from armid.study.identify import Result
-from armid.study.plausibility.recording_errors import recording_error_check
+from armid.study.plausibility.recording_errors import only_drive_gains_contradict
 from armid.study.storage.archive_digests import refuse_changed_archive
 from armid.study.storage.atomic_folder import completed, refuse, whole_folder
 from armid.study.storage.provenance import RunOrigin, origin_now, origin_of, origin_record
@@ -52,11 +50,6 @@ RUN, RUN_RECORD = "a run of this version of armid", "a record of a run of this v
 
 FORMAT = 1
 """Number of the format of the folder of a run, stored in `model.json`. A run without this number has format 1."""
-
-
-GAIN_CODES = (CURRENT, MOTOR, UNIT)
-"""Codes of the findings that the torque does not agree with the masses of the description; wrong drive gains are one
-possible cause."""
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -294,21 +287,12 @@ def failed_checks(run: Run) -> list[str]:
 def only_drive_gains_failed(run: Run) -> bool:
     """Tests whether a run failed its validation only because its drive gains contradict the described masses.
 
-    The doctor reports such gains with one of the codes `GAIN_CODES`. A finding with such a code can also have another
-    cause, such as positions in encoder counts; it then counts only if its remedy is a drive gain.
-
     Args:
         run: The run.
     """
     if run.verdict != "fail" or run.log_format.drive_gain is None:
         return False
-    names = failed_checks(run)
-    errors = [each for each in run.estimate.findings if each.severity == "error" and each.code in GAIN_CODES]
-    return (
-        bool(names)
-        and {*names} <= {recording_error_check(code) for code in GAIN_CODES}
-        and all("drive_gain" in Remedy.read(each.remedy).keys for each in errors)
-    )
+    return only_drive_gains_contradict(failed_checks(run), run.estimate.findings)
 
 
 def _verdict(folder: Path) -> str:

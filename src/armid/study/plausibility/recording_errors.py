@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from armid.doctor import effects
+from armid.doctor.checks.signals.motor_side import CURRENT, MOTOR, UNIT
 from armid.errors import Finding
+from armid.remedy import Remedy
 from armid.study.plausibility.one_sided_filter import CODE as ONE_SIDED
 from armid.validation.torque_validation import Check, Validation
 
@@ -17,6 +19,10 @@ parentheses."""
 PROCESSING_ERRORS = "errors in the processing"
 """Beginning of the names of checks that fail because of errors in the processing of the recordings. The code of the
 finding follows in parentheses."""
+
+GAIN_CODES = (CURRENT, MOTOR, UNIT)
+"""Codes of the findings that the torque does not agree with the masses of the description; wrong drive gains are one
+possible cause."""
 
 
 def contradictions(findings: Sequence[Finding]) -> tuple[Check, ...]:
@@ -56,3 +62,21 @@ def contradicted(validation: Validation, findings: Sequence[Finding]) -> Validat
     if not checks:
         return validation
     return replace(validation, verdict="fail", checks=(*validation.checks, *checks))
+
+
+def only_drive_gains_contradict(names: Sequence[str], findings: Sequence[Finding]) -> bool:
+    """Tests whether all failed checks are caused by drive gains that contradict the described masses.
+
+    The doctor reports such gains with one of the codes `GAIN_CODES`. A finding with such a code can also have another
+    cause, such as positions in encoder counts; it then counts only if its remedy is a drive gain.
+
+    Args:
+        names: Names of the failed checks of a validation.
+        findings: Findings on the recordings.
+    """
+    errors = [each for each in findings if each.severity == "error" and each.code in GAIN_CODES]
+    return (
+        bool(names)
+        and {*names} <= {recording_error_check(code) for code in GAIN_CODES}
+        and all("drive_gain" in Remedy.read(each.remedy).keys for each in errors)
+    )
