@@ -153,3 +153,26 @@ def test_importing_is_light():
     script = f"import {', '.join(modules)}, sys; print(*sorted({HEAVY!r} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
+
+
+SLOW = {"scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.stats", "pydantic"}
+"""What takes longer to import than a small recording takes to examine."""
+
+
+def test_identification_and_doctor_import_nothing_slow():
+    modules = (
+        "cli.commands.identify",
+        "cli.commands.doctor",
+        "study.compare_methods",
+        "doctor.catalogue",
+        "report.page",
+    )
+    script = f"""
+import sys
+from armid.doctor.catalogue import CHECKS
+import {", ".join(f"armid.{module}" for module in modules)}
+print(len(list(CHECKS.values())), *sorted({SLOW!r} & set(sys.modules)))
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    count, *slow = done.stdout.split()
+    assert int(count) > 0 and slow == []

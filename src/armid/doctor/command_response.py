@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
 from armid.checked_array import Array
 from armid.maths.median import median
+from armid.maths.signals.zero_phase_filters import butterworth, zero_phase
 from armid.measurement.recording import Recording
 
 CUTOFF = 4.0
@@ -57,9 +57,8 @@ class CommandResponse:
     @cached_property
     def _speeds(self) -> tuple[Array, Array]:
         """Speeds of commands and positions within the band, shape (N, n) each."""
-        sections = butter(2, min(CUTOFF, 0.2 * self.rate), fs=self.rate, output="sos")
-        pad = min(len(self.q) - 1, round(self.rate))
-        both = (sosfiltfilt(sections, x, axis=0, padlen=pad) for x in (self.command, self.q))
+        sections = butterworth(2, min(CUTOFF, 0.2 * self.rate), self.rate)
+        both = (zero_phase(sections, x) for x in (self.command, self.q))
         command, q = (np.gradient(x, 1.0 / self.rate, axis=0) for x in both)
         return command, q
 

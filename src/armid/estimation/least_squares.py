@@ -63,7 +63,7 @@ def solve(information: Information, weights: Array) -> Solution:
         EstimationError: There are fewer rows than parameters, or the data do not determine some parameters.
     """
     whole = total(information)
-    _require_rank(whole)
+    require_rank(whole)
     return Solution(whole, weights)
 
 
@@ -100,8 +100,15 @@ def fit_of(solution: Solution, weights: Array, white: Array) -> Fit:
     )
 
 
-def _require_rank(whole: Information) -> None:
-    """Raises an error that names undetermined parameters, if the data do not determine all parameters."""
+def require_rank(whole: Information) -> None:
+    """Raises an error that names undetermined parameters, if the data do not determine all parameters.
+
+    Args:
+        whole: Information, all blocks merged into one.
+
+    Raises:
+        EstimationError: There are fewer rows than parameters, or the data do not determine some parameters.
+    """
     A = stack(whole)[0]
     rows = int(whole.rows.sum())
     if rows < whole.count:

@@ -23,7 +23,6 @@ TWIN = "numpy"
 NO_MASK = np.empty(0, dtype=np.uint8)
 
 coriolis_matrix = reference.coriolis_matrix
-gravity_torque = reference.gravity_torque
 potential_energy = reference.potential_energy
 
 
@@ -120,6 +119,16 @@ def inverse_dynamics(
     out = np.empty_like(q)
     _native.inverse_dynamics(chosen, compiled_arm(tree), inertial, q, dq, ddq, out)
     return out
+
+
+def gravity_torque(tree: Tree, inertial: ArrayLike, q: ArrayLike, *, chosen: str | None = None) -> Array:
+    """Gravity torque g(q), shape (N, n) [N·m or N]: the joint torque that holds the arm at rest.
+
+    Inertial parameters have shape (n, 10), positions (N, n).
+    """
+    (q,) = states_of(tree, q)
+    still = np.zeros_like(q)
+    return inverse_dynamics(tree, inertial, q, still, still, chosen=chosen)
 
 
 def mass_matrix(tree: Tree, inertial: ArrayLike, q: ArrayLike, *, chosen: str | None = None) -> Array:

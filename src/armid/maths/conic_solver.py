@@ -10,10 +10,13 @@ between the objective and the dual bound -½ Σ_k s_k x_k² - Σ bᵀz.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
+from importlib import import_module, util
+from importlib.machinery import PathFinder
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -188,6 +191,7 @@ def solve_cones(cost: Array, cones: Sequence[Cone], squares: Array | None = None
 def _solved(cost: Array, cones: Sequence[Cone], squares: Array, changed: dict[str, Any]) -> tuple[Any, ConeSolution]:
     """Runs the solver with some changed settings; returns its status and the solution, which is not yet checked."""
     clarabel: Any = import_module("clarabel")
+    _load_lapack()
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
@@ -218,6 +222,25 @@ def _worst(cones: Sequence[Cone], x: Array, z: Array) -> float:
         own = own / _scale(cone) if cone.kind == "semidefinite" else own
         worst = max(worst, cone.leaves(x), cone.outside(own))
     return worst
+
+
+@cache
+def _load_lapack() -> None:
+    """Loads the functions of LAPACK that Clarabel takes from SciPy, without the rest of `scipy.linalg`.
+
+    Clarabel imports two modules of functions from this package, and the package imports much else, which takes longer
+    than most programs here. Where the two modules cannot be found alone, Clarabel imports them itself.
+    """
+    if "scipy.linalg" in sys.modules:
+        return
+    places = [str(Path(place) / "linalg") for place in import_module("scipy").__path__]
+    for name in ("scipy.linalg.cython_blas", "scipy.linalg.cython_lapack"):
+        spec = PathFinder.find_spec(name, places)
+        if spec is None or spec.loader is None:
+            return
+        module = util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        sys.modules[name] = module
 
 
 def _for_solver(cone: Cone, clarabel: Any) -> tuple[Array, Array, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
@@ -25,6 +24,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
     table, moving = response.table, np.flatnonzero(response.moves)
     strength = table[np.ix_(moving, moving)]
     own = np.diag(strength)
+    from scipy.optimize import linear_sum_assignment  # slow to import
+
     commands, joints = linear_sum_assignment(-strength)
     found = np.empty(len(moving), dtype=np.intp)
     found[joints] = commands

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from armid import kernel
 from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
 from armid.errors import Finding
+from armid.maths.signals.zero_phase_filters import butterworth, zero_phase
 
 CUTOFF = 3.0
 """Cut-off of the low-pass filter of torques and columns [Hz]."""
@@ -71,10 +71,10 @@ def _shares(
     recording, tree = evidence.recording, evidence.robot.tree
     assert recording is not None and recording.effort is not None
     rate = evidence.rate
-    sections = butter(2, CUTOFF, fs=rate, output="sos")
+    sections = butterworth(2, CUTOFF, rate)
 
     def low_pass(x: Array) -> Array:
-        return np.asarray(sosfiltfilt(sections, x, axis=0, padlen=min(len(x) - 1, round(rate))))
+        return zero_phase(sections, x)
 
     q = low_pass(recording.q[rows])
     dq = np.gradient(q, 1.0 / rate, axis=0)
