@@ -99,8 +99,8 @@ def test_a_segment_and_its_neighbours_do_not_train():
     kept, none = np.arange(b), np.zeros(b)
     others = np.flatnonzero((np.arange(information.blocks) < 5) | (np.arange(information.blocks) > 12))
     alone = make_folds(select(information, others), np.zeros(len(others), dtype=np.int64), np.ones(3), segments.prior)
-    values = alone.solve(alone.whole, kept, none)
-    found = segments.solve(segments.training[1], kept, none)
+    values = alone.whole.solve(kept, none)
+    found = segments.training[1].solve(kept, none)
     np.testing.assert_allclose(found, values, rtol=1e-5, atol=1e-7)
     np.testing.assert_allclose(
         segments.errors(kept, none)[1], held_out_squares(select(information, fold == 1), values), rtol=1e-5

@@ -91,7 +91,7 @@ class BodyPrior:
         count = len(ridge)
         return np.stack(
             [
-                replace(short_folds, prior=self.weighted(strength).embedded(count, own)).errors(kept, ridge)
+                short_folds.with_prior(self.weighted(strength).embedded(count, own)).errors(kept, ridge)
                 @ short_folds.weights**2
                 for strength in STRENGTHS
             ]

@@ -15,7 +15,7 @@ recordings are short. Only the first variant shows that a candidate imitates gra
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +62,72 @@ class GainPrior:
         mean[own] = self.mean
         precision[np.ix_(own, own)] = self.precision
         return GainPrior(mean, precision)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class NormalMatrix:
+    """Weighted products of the columns of some blocks, with the torque as the last column.
+
+    Attributes:
+        data: Products of the data, shape (b + 1, b + 1).
+        with_prior: Products of the data and of the prior, shape (b + 1, b + 1).
+        length: Squared length of each column, in units of which the shrinkage is given, shape (b,).
+    """
+
+    data: Array
+    with_prior: Array
+    length: Array
+
+    def elimination(self, kept: NDArray[np.intp], ridge: Array, rest: NDArray[np.intp]) -> Array:
+        """Coefficients of the fit of the columns `rest` by the columns `kept`, prior included, shape (kept, rest).
+
+        Args:
+            kept: Positions of the columns of the fit.
+            ridge: Shrinkage, in shares of the squared length of each column, shape (b,).
+            rest: Positions of the columns that are fitted.
+        """
+        A = self.with_prior[kept[:, None], kept]
+        diagonal = np.einsum("ii->i", A)
+        diagonal += ridge[kept] * self.length[kept]
+        length = np.sqrt(np.maximum(diagonal, 0.0))  # a difference of products may round below zero
+        length[length == 0.0] = 1.0
+        A /= length[:, None] * length
+        diagonal += ROUNDING
+        return np.linalg.solve(A, self.with_prior[kept[:, None], rest] / length[:, None]) / length[:, None]
+
+    def solve(self, kept: NDArray[np.intp], ridge: Array) -> Array:
+        """Solves the normal equations for the parameters (b,); parameters outside `kept` are zero.
+
+        Args:
+            kept: Indices of the parameters that are estimated.
+            ridge: Shrinkage, in shares of the squared length of each column, shape (b,).
+        """
+        values = np.zeros(len(self.length))
+        values[kept] = self.elimination(kept, ridge, np.array([len(self.length)]))[:, 0]
+        return values
+
+
+def normal_matrix(data: Array, prior: GainPrior, base: NDArray[np.intp]) -> NormalMatrix:
+    """Adds the prior to the products of data, and computes the squared lengths of the columns.
+
+    Args:
+        data: Products of the data, shape (b + 1, b + 1).
+        prior: Prior on the parameters.
+        base: Positions of the columns of the model without candidates. For any other column, the squared length is
+            that of the part that these columns do not explain, plus `OF_WHOLE` times that of the whole column.
+    """
+    H = data + prior.products
+    length = np.maximum(np.diag(data)[:-1], 0.0)
+    if len(base):
+        others = np.setdiff1d(np.arange(len(length)), base)
+        A = H[np.ix_(base, base)]
+        scale = np.sqrt(np.maximum(np.diag(A), 0.0))
+        scale[scale == 0.0] = 1.0
+        A = A / np.outer(scale, scale) + ROUNDING * np.eye(len(scale))
+        cross = data[np.ix_(base, others)] / scale[:, None]
+        left = length[others] - np.sum(cross * np.linalg.solve(A, cross), axis=0)
+        length[others] = np.maximum(left, 0.0) + OF_WHOLE * length[others]
+    return NormalMatrix(data, H, length)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -118,34 +184,26 @@ class HeldOutFolds:
     Attributes:
         parts: Information of each fold.
         held_out: Weighted products of each fold, with the torque as the last column, shape (F, b + 1, b + 1).
-        training: Products of the training blocks of each fold, without the blocks next to the fold, shape (F, b + 1,
-            b + 1).
-        whole: Products of all blocks, shape (b + 1, b + 1).
+        training: Products of the training blocks of each fold, without the blocks next to the fold.
+        whole: Products of all blocks.
         weights: Weight of each joint's rows, shape (n,).
         prior: Prior on the parameters.
-        base: Positions of the columns of the model without candidates. The shrinkage of a candidate is relative to
-            the part of its column that these columns do not explain.
+        base: Positions of the columns of the model without candidates.
     """
 
     parts: tuple[Information, ...]
     held_out: Array
-    training: Array
-    whole: Array
+    training: tuple[NormalMatrix, ...]
+    whole: NormalMatrix
     weights: Array
     prior: GainPrior
-    base: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    base: NDArray[np.intp]
 
-    def solve(self, products: Array, kept: NDArray[np.intp], ridge: Array) -> Array:
-        """Solves normal equations, prior included, for the parameters (b,); parameters outside `kept` are zero.
-
-        Args:
-            products: Normal matrix of the columns, with the torque as the last one, shape (b + 1, b + 1).
-            kept: Indices of the parameters that are estimated.
-            ridge: Shrinkage, in shares of the squared length of each column, shape (b,).
-        """
-        values = np.zeros(products.shape[0] - 1)
-        values[kept] = self._elimination(products, kept, ridge, np.array([products.shape[0] - 1]))[:, 0]
-        return values
+    def with_prior(self, prior: GainPrior) -> HeldOutFolds:
+        """The same folds with another prior."""
+        training = tuple(normal_matrix(each.data, prior, self.base) for each in self.training)
+        whole = normal_matrix(self.whole.data, prior, self.base)
+        return replace(self, training=training, whole=whole, prior=prior)
 
     def errors(self, kept: NDArray[np.intp], ridge: Array) -> Array:
         """Sum of squared residuals of each joint on each held-out fold, shape (F, n), unweighted.
@@ -158,7 +216,7 @@ class HeldOutFolds:
         """
         return np.stack(
             [
-                held_out_squares(part, self.solve(products, kept, ridge))
+                held_out_squares(part, products.solve(kept, ridge))
                 for part, products in zip(self.parts, self.training, strict=True)
             ]
         )
@@ -171,24 +229,24 @@ class HeldOutFolds:
             ridge: Shrinkage, in shares of the squared length of each column, shape (b,).
             refit_all: True if all parameters are estimated without the fold; false if only those of a candidate are.
         """
-        b = len(self.whole) - 1
+        b = len(self.whole.length)
         rest = np.append(np.setdiff1d(np.arange(b), kept), b)
         position = np.full(b, -1, dtype=np.intp)
         position[rest[:-1]] = np.arange(len(rest) - 1)
-        once = None if refit_all else self._elimination(self.whole, kept, ridge, rest)
+        once = None if refit_all else self.whole.elimination(kept, ridge, rest)
         S, M, squares = [], [], []
         joint_columns = [np.intersect1d(rest[:-1], joint.parameters) for joint in self.parts[0].joints]
         own: list[list[Array]] = [[] for _ in joint_columns]
         for part, T, G in zip(self.parts, self.training, self.held_out, strict=True):
-            E = self._elimination(T, kept, ridge, rest) if once is None else once
+            E = T.elimination(kept, ridge, rest) if once is None else once
             M.append(_schur_complement(G, kept, rest, E))
             for j, columns in enumerate(joint_columns):
                 own[j].append(self._joint_products(part, j, columns, kept, E[:, np.append(position[columns], -1)]))
-            S.append(_schur_complement(T, kept, rest, E))
+            S.append(_schur_complement(T.data, kept, rest, E))
             values = np.zeros(b)
             values[kept] = E[:, -1]
             squares.append(self.weights**2 * held_out_squares(part, values))
-        size = np.stack([self._length(T)[rest[:-1]] for T in self.training])
+        size = np.stack([T.length[rest[:-1]] for T in self.training])
         joint_position = np.full((len(joint_columns), b), -1, dtype=np.intp)
         for j, columns in enumerate(joint_columns):
             joint_position[j, columns] = np.arange(len(columns))
@@ -215,38 +273,6 @@ class HeldOutFolds:
         left = R[:, np.append(number[columns], -1)] - R[:, number[kept[near]]] @ E[near]
         return left.T @ left
 
-    def _length(self, products: Array) -> Array:
-        """Squared length of each column, in units of which the shrinkage is given, shape (b,).
-
-        For columns outside `base`, it is the squared length of the part that the columns of `base` do not explain,
-        plus `OF_WHOLE` times the squared length of the whole column.
-        """
-        length = np.maximum(np.diag(products)[:-1].copy(), 0.0)
-        if not len(self.base):
-            return length
-        others = np.setdiff1d(np.arange(len(length)), self.base)
-        H = products + self.prior.products
-        A = H[np.ix_(self.base, self.base)]
-        scale = np.sqrt(np.maximum(np.diag(A), 0.0))
-        scale[scale == 0.0] = 1.0
-        A = A / np.outer(scale, scale) + ROUNDING * np.eye(len(scale))
-        cross = products[np.ix_(self.base, others)] / scale[:, None]
-        left = length[others] - np.sum(cross * np.linalg.solve(A, cross), axis=0)
-        length[others] = np.maximum(left, 0.0) + OF_WHOLE * length[others]
-        return length
-
-    def _elimination(self, products: Array, kept: NDArray[np.intp], ridge: Array, rest: NDArray[np.intp]) -> Array:
-        """Coefficients of the fit of the columns `rest` by the columns `kept`, prior included, shape (kept, rest)."""
-        H = products + self.prior.products
-        A = H[np.ix_(kept, kept)]
-        if ridge[kept].any():
-            A[np.diag_indices(len(kept))] += ridge[kept] * self._length(products)[kept]
-        length = np.sqrt(np.maximum(np.diag(A), 0.0))  # a difference of products may round below zero
-        length[length == 0.0] = 1.0
-        A /= np.outer(length, length)
-        A[np.diag_indices(len(kept))] += ROUNDING
-        return np.linalg.solve(A, H[np.ix_(kept, rest)] / length[:, None]) / length[:, None]
-
 
 def make_folds(
     information: Information,
@@ -262,18 +288,20 @@ def make_folds(
         fold: Fold of each block, shape (blocks,).
         weights: Weight of each joint's rows, shape (n,).
         prior: Prior on the parameters.
-        base: Positions of the columns of the model without candidates; none if not given.
+        base: Positions of the columns of the model without candidates; none if not given. The shrinkage of a
+            candidate is relative to the part of its column that these columns do not explain.
     """
     base = np.zeros(0, dtype=np.intp) if base is None else base
     names = np.unique(fold)
     each = [_products(information, fold == f, weights) for f in names]
     whole = np.sum(each, axis=0)
     near = [training_information(information, fold == f) for f in names]
-    training = np.stack(
-        [whole - own - _products(information, at, weights) for own, at in zip(each, near, strict=True)]
+    training = tuple(
+        normal_matrix(whole - own - _products(information, at, weights), prior, base)
+        for own, at in zip(each, near, strict=True)
     )
     parts = tuple(select(information, fold == f) for f in names)
-    return HeldOutFolds(parts, np.stack(each), training, whole, weights, prior, base)
+    return HeldOutFolds(parts, np.stack(each), training, normal_matrix(whole, prior, base), weights, prior, base)
 
 
 def _products(information: Information, chosen: NDArray[np.bool_], weights: Array) -> Array:

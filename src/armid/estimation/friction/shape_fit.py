@@ -105,9 +105,9 @@ def _step(
             ridge[extended.columns[each.joint, candidate]] = each.ridge
     slope_columns = [extended.columns[j, candidate][0] for j, laws in enumerate(slopes) for candidate in laws]
     whole = np.arange(extended.count)
-    values = np.append(-folds.solve(folds.whole, np.setdiff1d(whole, slope_columns), ridge), 1.0)
-    error = float(values @ (folds.whole + embedded.products) @ values)
-    solution = folds.solve(folds.whole, whole, ridge)
+    values = np.append(-folds.whole.solve(np.setdiff1d(whole, slope_columns), ridge), 1.0)
+    error = float(values @ folds.whole.with_prior @ values)
+    solution = folds.whole.solve(whole, ridge)
     steps: dict[tuple[int, Candidate], float] = {}
     for j, laws in enumerate(slopes):
         for slope in laws:

@@ -29,8 +29,8 @@ LEAST = 0.3
 SHORTEST = 5.0
 """Shortest log that is checked [s]."""
 
-MOST_ROWS = 20000
-"""Largest number of rows that are used."""
+ROWS = 20.0
+"""Rows that are used in a second, over the cut-off: filtered signals hardly change from one row to the next."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
@@ -45,7 +45,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
     seconds = (last - first) / evidence.rate
     if not rows[first:last].all() or seconds < SHORTEST or evidence.rate < 2.5 * CUTOFF:
         return []
-    every = max(1, (last - first) // MOST_ROWS)
+    every = max(1, int(evidence.rate / (ROWS * CUTOFF)))
     shares = _shares(evidence, bodies, slice(first, last), every, seconds)
     if shares is None:
         return []
