@@ -16,6 +16,7 @@ import pytest
 from armid.cli import main as cli
 from armid.cli.folder_overview import next_step
 from armid.export.formats import urdf
+from armid.export.servos import deliver
 from armid.export.servos.mjcf_actuators import servo_mjcf
 from armid.export.types import Content
 from armid.robot import load_robot
@@ -284,6 +285,20 @@ def test_stated_gains_of_a_study(files, armid, tmp_path):
     stiffness = [each for each in done.json["values"] if each["kind"] == "stiffness"]
     assert {each["origin"] for each in stiffness} == {"given"}
     assert [each["value"] for each in stiffness] == pytest.approx(list(truth.stiffness), rel=1e-6)
+
+
+def test_a_result_is_kept_if_a_further_file_fails(files, armid, tmp_path, monkeypatch):
+    """Whatever happens to the files for other programs, the estimate of minutes is in its folder."""
+    folder, _ = files
+
+    def failed(*_):
+        raise MemoryError("as another library may")
+
+    monkeypatch.setattr(deliver, "delivered", failed)
+    done = armid("servo", folder / "arm.xml", folder / "one.csv", "--stiffness", "20", "--out", tmp_path / "kept")
+    assert done.code
+    found = load_servo(tmp_path / "kept")
+    assert found.parameters.stiffness == pytest.approx(20.0)
 
 
 @pytest.mark.parametrize(

@@ -88,6 +88,7 @@ def _deliver(result: ServoResult, folder: Path, *, page: bool, json: bool) -> st
     from armid.study.storage.records import to_json
 
     stored = stored_servo_of(result, folder)
+    save_servo(result, stored, {}, {})  # before other programs, which may fail, look at the files for them
     delivery = delivered(stored, result.validation or result.training)
     stored = replace(stored, findings=(*stored.findings, *delivery.findings))
     save_servo(result, stored, delivery.files, delivery.check)
