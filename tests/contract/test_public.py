@@ -147,6 +147,11 @@ print(*sorted(({HEAVY - {"typer", "rich"}!r} | {{"numpy", "scipy", "clarabel"}})
     assert "armid" in done.stdout and done.stderr.split() == []
 
 
+def test_the_package_runs_as_a_module():
+    done = subprocess.run([sys.executable, "-m", "armid", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("armid ")
+
+
 def test_importing_is_light():
     """No module but those of the command line loads what only some users need."""
     modules = [module for module in MODULES if not module.startswith("armid.cli")]
@@ -156,7 +161,7 @@ def test_importing_is_light():
 
 
 SLOW = {"scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.stats", "pydantic"}
-"""What takes longer to import than a small recording takes to examine."""
+"""Packages that take longer to import than a small recording takes to examine."""
 
 
 def test_identification_and_doctor_import_nothing_slow():

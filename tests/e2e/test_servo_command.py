@@ -288,7 +288,7 @@ def test_stated_gains_of_a_study(files, armid, tmp_path):
 
 
 def test_a_result_is_kept_if_a_further_file_fails(files, armid, tmp_path, monkeypatch):
-    """Whatever happens to the files for other programs, the estimate of minutes is in its folder."""
+    """The estimate is in its folder before the files for other programs are made."""
     folder, _ = files
 
     def failed(*_):
