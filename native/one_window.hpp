@@ -32,7 +32,7 @@ class OneWindow {
  public:
   OneWindow(const Arm& arm, const double* inertial, const Servos& servos)
       : arm_(arm), servos_(servos), groups_(padded(arm.n) / W), constants_(groups_), turns_(groups_), bodies_(groups_),
-        carried_(groups_), masks_(2 * arm.n * groups_), gains_(4 * groups_), q_(groups_), dq_(groups_), y_(groups_),
+        carried_(groups_), masks_(2 * arm.n * groups_), below_(arm.n * groups_), above_(arm.n * groups_), gains_(4 * groups_), q_(groups_), dq_(groups_), y_(groups_),
         middle_(groups_), bias_(groups_), G_(groups_), slope_(groups_), command_(groups_), torque_(groups_),
         M_(arm.n * groups_), A_(arm.n * groups_), pushed_(groups_), laws_(servos.laws.count), coupled_(servos.laws.count),
         slopes_(groups_ + servos.laws.count), factored_(groups_ + servos.laws.count) {
@@ -70,7 +70,8 @@ class OneWindow {
   Buffer<LinkConstants> constants_;
   Buffer<Pose> turns_;  // of links in their parents' frames
   Buffer<Body> bodies_, carried_;
-  Buffer<V> masks_;                        // for each link: 1 where it is carried by a lane's joint, then where it carries
+  Buffer<V> masks_;          // for each link: 1 where it is carried by a lane's joint, then where it carries
+  Buffer<V> below_, above_;  // for each row of the mass matrix: 1 / step at ancestors, and at carried links
   Buffer<V> gains_, q_, dq_, y_, middle_, bias_, G_, slope_, command_, torque_, M_, A_, pushed_;
   Buffer<LawGroup> laws_;
   Buffer<int> coupled_;          // laws whose coordinate is not one joint
@@ -104,6 +105,8 @@ class OneWindow {
       const int j = arm_.ancestor[pair];
       carried_by(i)[j / W][j % W] = 1.0;
       carries(j)[i / W][i % W] = 1.0;
+      below_[i * groups_ + j / W][j % W] = 1.0 / servos_.step;
+      if (j != i) above_[j * groups_ + i / W][i % W] = 1.0 / servos_.step;
     }
   }
 
@@ -239,7 +242,6 @@ class OneWindow {
 
   // Torque at no acceleration, and the rows of the mass matrix with the rotors over the step.
   void torque_and_inertia() {
-    const double rate = 1.0 / servos_.step;
     for (int g = 0; g < groups_; ++g) {
       V sum[16] = {};
       for (int j = 0; j < arm_.n; ++j) {
@@ -272,11 +274,9 @@ class OneWindow {
           below += load.n[k][l] * body.axis_w[k] + load.f[k][l] * body.axis_v[k];
           above += own.axis_w[k][l] * other.n[k] + own.axis_v[k][l] * other.f[k];
         }
-        // Both count the diagonal; a joint that neither carries nor is carried has no entry.
-        const V ancestors = carried_by(i)[g], carried = carries(i)[g];
-        M_[i * groups_ + g] = rate * (ancestors * below + (1.0 - ancestors) * carried * above);
+        M_[i * groups_ + g] = below_[i * groups_ + g] * below + above_[i * groups_ + g] * above;
       }
-      M_[i * groups_ + i / W][l] += rate * servos_.armature[i];
+      M_[i * groups_ + i / W][l] += servos_.armature[i] / servos_.step;
     }
   }
 

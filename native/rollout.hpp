@@ -7,7 +7,7 @@
 
 namespace armid::ARMID_ISA {
 
-constexpr int ALONE = 1;  // windows up to which one after another takes less time than side by side
+constexpr int ALONE = W > 2 ? 2 : 1;  // windows up to which one after another takes less time than side by side
 
 // States of `windows` windows, q and dq (windows, N + 1, n) with the first of each given; the number of steps that did
 // not settle.

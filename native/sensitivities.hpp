@@ -12,7 +12,7 @@ namespace armid::ARMID_ISA {
 
 // Rows and registers of derivatives that are made at once: as many as there are registers for.
 constexpr int DERIVED_ROWS = W == 8 ? 7 : 4;
-constexpr int DERIVED_LANES = 2;
+constexpr int DERIVED_LANES = W == 8 ? 3 : 2;
 
 // Where the parameters stand among lanes, and which joints they act on. Parameters that act on one joint stand behind
 // the others, joint by joint, so that W of them act on few joints. A cell is W parameters that act on a joint.
