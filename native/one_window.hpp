@@ -32,10 +32,11 @@ class OneWindow {
  public:
   OneWindow(const Arm& arm, const double* inertial, const Servos& servos)
       : arm_(arm), servos_(servos), groups_(padded(arm.n) / W), constants_(groups_), turns_(groups_), bodies_(groups_),
-        carried_(groups_), masks_(2 * arm.n * groups_), below_(arm.n * groups_), above_(arm.n * groups_), gains_(4 * groups_), q_(groups_), dq_(groups_), y_(groups_),
-        middle_(groups_), bias_(groups_), G_(groups_), slope_(groups_), command_(groups_), torque_(groups_),
-        M_(arm.n * groups_), A_(arm.n * groups_), pushed_(groups_), laws_(servos.laws.count), coupled_(servos.laws.count),
-        slopes_(groups_ + servos.laws.count), factored_(groups_ + servos.laws.count) {
+        carried_(groups_), masks_(2 * arm.n * groups_), below_(arm.n * groups_), above_(arm.n * groups_),
+        gains_(4 * groups_), q_(groups_), dq_(groups_), y_(groups_), middle_(groups_), bias_(groups_), G_(groups_),
+        slope_(groups_), command_(groups_), torque_(groups_), M_(arm.n * groups_), A_(arm.n * groups_),
+        pushed_(groups_), laws_(servos.laws.count), coupled_(servos.laws.count), slopes_(groups_ + servos.laws.count),
+        factored_(groups_ + servos.laws.count) {
     for (int i = 0; i < arm.n; ++i) start_link(i, inertial + 10 * i);
     for (int g = 0; g < groups_; ++g) gains_[2 * groups_ + g] = splat(std::numeric_limits<double>::infinity());
     const double* gains[4] = {servos.stiffness, servos.damping, servos.limit, servos.armature};
@@ -367,7 +368,8 @@ class OneWindow {
       const int e = coupled_[c];
       for (int k = laws.link[e]; k < laws.link[e + 1]; ++k) {
         for (int m = laws.link[e]; m < laws.link[e + 1]; ++m) {
-          A[laws.joint[k] * stride + laws.joint[m]] += laws.weight[k] * laws.weight[m] * slopes_[groups_ + law_groups_ + c][0];
+          A[laws.joint[k] * stride + laws.joint[m]] +=
+              laws.weight[k] * laws.weight[m] * slopes_[groups_ + law_groups_ + c][0];
         }
       }
     }

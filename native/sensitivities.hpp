@@ -10,19 +10,18 @@
 
 namespace armid::ARMID_ISA {
 
-// Rows and registers of derivatives that are made at once: as many as there are registers for.
-constexpr int DERIVED_ROWS = W == 8 ? 7 : 4;
-constexpr int DERIVED_LANES = W == 8 ? 3 : 2;
+constexpr int DERIVED_ROWS = 4;  // of an arm with many joints that are made at once
 
 // Where the parameters stand among lanes, and which joints they act on. Parameters that act on one joint stand behind
 // the others, joint by joint, so that W of them act on few joints. A cell is W parameters that act on a joint.
 struct Cells {
   int n, blocks, width, count = 0;
-  Buffer<int> place, cell, first, joint;  // of each parameter; (n, blocks), -1 for none; of each block; of each cell
+  Buffer<int> place, parameter;    // of each parameter among lanes, and of each lane
+  Buffer<int> cell, first, joint;  // (n, blocks), -1 for none; of each block; of each cell
 
   Cells(const Arm& arm, const Laws& laws, const RolloutParameters& wanted)
-      : n(arm.n), blocks(padded(wanted.count) / W), width(padded(wanted.count)), place(wanted.count), cell(n * blocks),
-        first(blocks + 1), joint(n * blocks) {
+      : n(arm.n), blocks(padded(wanted.count) / W), width(padded(wanted.count)), place(wanted.count),
+        parameter(wanted.count), cell(n * blocks), first(blocks + 1), joint(n * blocks) {
     Buffer<std::uint8_t> acts(wanted.count * n);
     const auto act = [&](int p, int i) {
       if (p >= 0) acts[p * n + i] = 1;
@@ -55,7 +54,9 @@ struct Cells {
           joints += acts[p * n + i];
           if (acts[p * n + i]) last = i;
         }
-        if (key == last + (joints > 1 ? 0 : n)) place[p] = next++;
+        if (key != last + (joints > 1 ? 0 : n)) continue;
+        parameter[next] = p;
+        place[p] = next++;
       }
     }
     for (int k = 0; k < n * blocks; ++k) cell[k] = -1;
@@ -76,6 +77,12 @@ struct Cells {
   }
 };
 
+// W steps, or fewer at the end, and where derivatives after every so many steps go.
+struct Rows {
+  std::ptrdiff_t first, count, every;
+  double* out;
+};
+
 class Sensitivities {
  public:
   Sensitivities(const Arm& arm, const double* inertial, const Servos& servos, const RolloutParameters& parameters)
@@ -83,8 +90,8 @@ class Sensitivities {
         columns_of_step_(3 * arm.n), numbers_of_step_(padded(3 * arm.n * arm.n)), cells_(arm, servos.laws, parameters),
         bodies_(arm.n), rows_(6 * each_), lanes_(6 * padded(arm.n)), maker_(arm, parameters.links, W),
         columns_(static_cast<std::size_t>(parameters.links.offset[arm.n]) * W), slots_(parameters.links.offset[arm.n]),
-        M_(arm.n * arm.n), by_q_(arm.n * arm.n), by_dq_(arm.n * arm.n), A_(arm.n * arm.n),
-        solved_(numbers_of_step_), sources_(cells_.count * W), steps_(numbers_of_step_ * W), turned_(cells_.count * W),
+        M_(arm.n * arm.n), by_q_(arm.n * arm.n), by_dq_(arm.n * arm.n), A_(arm.n * arm.n), solved_(numbers_of_step_),
+        sources_(cells_.count * W), steps_(numbers_of_step_ * W), turned_(cells_.count * W),
         now_(2 * arm.n * cells_.width), next_(2 * arm.n * cells_.width) {
     for (int i = 0; i < n_ && parameters.links.target != nullptr; ++i) {
       for (int c = parameters.links.offset[i]; c < parameters.links.offset[i + 1] - 1; ++c) {
@@ -98,7 +105,7 @@ class Sensitivities {
   void run(const Commands& commands, std::ptrdiff_t N, const double* q, const double* dq, const double* S_q,
            const double* S_dq, std::ptrdiff_t every, double* out) {
     const int count = wanted_.count, width = cells_.width;
-    double *now = now_.data(), *next = next_.data();
+    double* now = now_.data();
     for (int i = 0; i < n_; ++i) {
       for (int p = 0; p < count; ++p) {
         now[i * width + cells_.place[p]] = S_q[i * count + p];
@@ -107,17 +114,8 @@ class Sensitivities {
     }
     for (std::ptrdiff_t s = 0; s < N; s += W) {
       linearise(commands, N, q, dq, s);
-      for (int l = 0; l < W && s + l < N; ++l) {
-        advance(l, now, next);
-        double* const last = now;
-        now = next;
-        next = last;
-        if ((s + l + 1) % every != 0) continue;
-        double* to = out + ((s + l + 1) / every - 1) * n_ * count;
-        for (int i = 0; i < n_; ++i) {
-          for (int p = 0; p < count; ++p) to[i * count + p] = now[i * width + cells_.place[p]];
-        }
-      }
+      const Rows rows{s, smaller(W, N - s), every, out};
+      by_size(n_, [&](auto of) { advance<of.size>(rows); });
     }
   }
 
@@ -133,7 +131,7 @@ class Sensitivities {
   Buffer<V> lanes_;      // the same, a step in each lane
   Columns maker_;
   Buffer<double> columns_;
-  Buffer<int> slots_;  // of each column
+  Buffer<int> slots_;                                  // of each column
   Buffer<V> M_, by_q_, by_dq_, A_, solved_, sources_;  // solved: (n, 3 n), A⁻¹ times -Gq, -Gv and 1
   Buffer<double> steps_;                               // the same of each step
   Buffer<V> turned_;                                   // sources of each step, a parameter in each lane
@@ -258,33 +256,93 @@ class Sensitivities {
     }
   }
 
-  void advance(int l, const double* from, double* to) {
-    const int parts = (n_ + DERIVED_ROWS - 1) / DERIVED_ROWS, most = (n_ + parts - 1) / parts;
-    for (int row = 0; row < n_; row += most) {
-      switch (smaller(most, n_ - row)) {
-        case 1: advance_rows<1>(l, row, from, to); break;
-        case 2: advance_rows<2>(l, row, from, to); break;
-        case 3: advance_rows<3>(l, row, from, to); break;
-        case 4: advance_rows<4>(l, row, from, to); break;
-        case 5: advance_rows<smaller(5, DERIVED_ROWS)>(l, row, from, to); break;
-        case 6: advance_rows<smaller(6, DERIVED_ROWS)>(l, row, from, to); break;
-        default: advance_rows<DERIVED_ROWS>(l, row, from, to);
+  // Through W steps. Few joints leave room to keep their derivatives in registers meanwhile.
+  template <int J>
+  void advance(const Rows& rows) {
+    if constexpr (J > 0) {
+      for (int block = 0; block < cells_.blocks; ++block) advance_register<J>(rows, block);
+    } else {
+      for (int l = 0; l < rows.count; ++l) {
+        for (int row = 0; row < n_; row += DERIVED_ROWS) {
+          switch (smaller(DERIVED_ROWS, n_ - row)) {
+            case 1: advance_rows<1>(l, row); break;
+            case 2: advance_rows<2>(l, row); break;
+            case 3: advance_rows<3>(l, row); break;
+            default: advance_rows<DERIVED_ROWS>(l, row);
+          }
+        }
+        std::memcpy(now_.data(), next_.data(), sizeof(double) * 2 * n_ * cells_.width);
+        for (int block = 0; block < cells_.blocks; ++block) {
+          for (int i = 0; i < n_; ++i) write(rows, l, block, i, load(&now_[i * cells_.width + block * W]));
+        }
       }
     }
   }
 
-  template <int R>
-  void advance_rows(int l, int row, const double* from, double* to) {
-    int block = 0;
-    for (; block + DERIVED_LANES <= cells_.blocks; block += DERIVED_LANES) {
-      advance_block<R, DERIVED_LANES>(l, row, block, from, to);
+  // Derivatives of joint i's position by a register of parameters, if they are wanted after step l.
+  void write(const Rows& rows, int l, int block, int i, V q) const {
+    const std::ptrdiff_t after = rows.first + l + 1;
+    if (after % rows.every != 0) return;
+    double* to = rows.out + ((after / rows.every - 1) * n_ + i) * wanted_.count;
+    for (int k = 0; k < W && block * W + k < wanted_.count; ++k) to[cells_.parameter[block * W + k]] = q[k];
+  }
+
+  template <int J>
+  void advance_register(const Rows& rows, int block) {
+    V q[J], v[J];
+    double *at_q = &now_[block * W], *at_v = at_q + J * cells_.width;
+#pragma GCC unroll 8
+    for (int i = 0; i < J; ++i) {
+      q[i] = load(at_q + i * cells_.width);
+      v[i] = load(at_v + i * cells_.width);
     }
-    for (; block < cells_.blocks; ++block) advance_block<R, 1>(l, row, block, from, to);
+    const double half = 0.5 * servos_.step;
+    for (int l = 0; l < rows.count; ++l) {
+      const double* P = &steps_[l * numbers_of_step_];
+      V x[J] = {}, y[J] = {};
+#pragma GCC unroll 8
+      for (int k = 0; k < J; ++k) {
+#pragma GCC unroll 8
+        for (int i = 0; i < J; ++i) {
+          x[i] += P[i * 3 * J + k] * q[k];
+          y[i] += P[i * 3 * J + J + k] * v[k];
+        }
+      }
+      for (int cell = cells_.first[block]; cell < cells_.first[block + 1]; ++cell) {
+        const double* by_joint = P + 2 * J + cells_.joint[cell];
+        const V source = turned_[l * cells_.count + cell];
+#pragma GCC unroll 8
+        for (int i = 0; i < J; ++i) y[i] += by_joint[i * 3 * J] * source;
+      }
+#pragma GCC unroll 8
+      for (int i = 0; i < J; ++i) {
+        x[i] += y[i];
+        q[i] += half * (v[i] + x[i]);
+        v[i] = x[i];
+      }
+      if ((rows.first + l + 1) % rows.every != 0) continue;
+#pragma GCC unroll 8
+      for (int i = 0; i < J; ++i) write(rows, l, block, i, q[i]);
+    }
+#pragma GCC unroll 8
+    for (int i = 0; i < J; ++i) {
+      store(at_q + i * cells_.width, q[i]);
+      store(at_v + i * cells_.width, v[i]);
+    }
+  }
+
+  template <int R>
+  void advance_rows(int l, int row) {
+    int block = 0;
+    for (; block + 2 <= cells_.blocks; block += 2) advance_block<R, 2>(l, row, block);
+    for (; block < cells_.blocks; ++block) advance_block<R, 1>(l, row, block);
   }
 
   // R rows of the derivatives by C registers of parameters.
   template <int R, int C>
-  void advance_block(int l, int row, int block, const double* from, double* to) {
+  void advance_block(int l, int row, int block) {
+    const double* from = now_.data();
+    double* to = next_.data();
     const int width = cells_.width, stride = columns_of_step_;
     const double* P = &steps_[l * numbers_of_step_ + row * stride];
     const V* turned = &turned_[l * cells_.count];

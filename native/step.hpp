@@ -101,7 +101,8 @@ ARMID_INLINE void factor_in_place(int n, std::ptrdiff_t stride, T* A) {
   }
 }
 
-// x <- A⁻¹ x for entries of x that stand `apart`. The newest entry comes last in each sum, so that no sum waits for more than that.
+// x <- A⁻¹ x for entries of x that stand `apart`. The newest entry comes last in each sum, so that no sum waits for
+// more than that.
 template <int N, class T>
 ARMID_INLINE void solve_in_place(int n, std::ptrdiff_t stride, const T* L, T* x, std::ptrdiff_t apart) {
   if constexpr (N > 0) n = N;
