@@ -99,18 +99,20 @@ inline void move_in_base(const Arm& arm, const Body* parent, V dq, V ddq, Body& 
   }
 }
 
-// Inertia of a link with ten parameters about its own origin, now about the base's; and its moment and force.
-inline void load_body(const double* inertial, Body& body) {
+// Inertia of a link with ten parameters about its own origin, now about the base's; and its moment and force. The
+// parameters are the same in all lanes, or a V each where lanes hold different links.
+template <class Number>
+inline void load_body(const Number* inertial, Body& body) {
   const V* R = body.R;
   const V* p = body.p;
-  const double I[9] = {inertial[4], inertial[5], inertial[7], inertial[5], inertial[6],
+  const Number I[9] = {inertial[4], inertial[5], inertial[7], inertial[5], inertial[6],
                        inertial[8], inertial[7], inertial[8], inertial[9]};
   V turned[9], own[3];
   for (int r = 0; r < 3; ++r) {
     for (int k = 0; k < 3; ++k) turned[3 * r + k] = R[3 * r] * I[k] + R[3 * r + 1] * I[3 + k] + R[3 * r + 2] * I[6 + k];
     own[r] = R[3 * r] * inertial[1] + R[3 * r + 1] * inertial[2] + R[3 * r + 2] * inertial[3];
   }
-  body.m = splat(inertial[0]);
+  body.m = V{} + inertial[0];
   const V diagonal = inertial[0] * dot(p, p) + 2.0 * dot(p, own);
   int e = 0;
   for (int r = 0; r < 3; ++r) {
