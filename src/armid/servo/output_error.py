@@ -161,6 +161,15 @@ def minimise_output_error(
     )
 
 
+def residuals_at(unknowns: Unknowns, x: Array, runs: Sequence[ServoRun]) -> tuple[Array, ...]:
+    """Residuals (rows, n) of each run at unknowns x, from the initial velocities that fit best.
+
+    Raises:
+        EstimationError: The simulated motion diverges.
+    """
+    return _begin(unknowns, x, runs)[0].residuals
+
+
 def _begin(unknowns: Unknowns, x: Array, runs: Sequence[ServoRun]) -> tuple[_Point, Sequence[ServoRun]]:
     """Point at which a search starts, after a check that its motion does not diverge, and runs with velocities."""
     runs = with_initial_velocities(unknowns.model, unknowns.parameters(x), runs)
