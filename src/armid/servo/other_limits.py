@@ -6,11 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import EstimationError
+from armid.servo.closed_loop import simulate, with_initial_velocities
 from armid.servo.output_error import OutputErrorFit, minimise_output_error, residuals_at
-from armid.servo.servo_prior import LIMIT
+from armid.servo.parameters import ServoModel, ServoParameters
+from armid.servo.servo_prior import LIMIT, UNKNOWN_LIMIT
 from armid.servo.servo_run import FEWEST, ServoRun
 from armid.servo.unknowns import Unknowns
 
@@ -38,9 +41,9 @@ ROUNDS = 2
 MOST_WINDOWS = 40
 """Largest number of windows; those of long recordings are spread over them."""
 
-REACHED = 0.8
-"""Share of the largest torque that position errors ask for at which the search for a largest torque begins: position
-errors grow while a servo is saturated."""
+SHARES = (0.9, 0.75, 0.6, 0.45)
+"""Shares of the largest torque that position errors ask for that are tried as limits: position errors grow while a
+servo is saturated."""
 
 SAME = 1e-9
 """Change of a position that is rounding [rad or m]."""
@@ -53,8 +56,8 @@ def with_other_limits(
 
     The first estimate sees saturation only where many rows show it, and takes stiction for it at times. A search does
     not find a limit that no simulated row reaches. So, if residuals are far above the errors of the encoders, and
-    most of them in few rows, the search begins again in windows: without the limit of a joint that reaches it, with a
-    lower one where no row reaches it, and with that of the description where there is none.
+    most of them in few rows, several limits of each such joint are tried in windows of the motion, and the search
+    begins again with the best ones.
 
     Args:
         unknowns: Unknowns of the fit.
@@ -63,12 +66,13 @@ def with_other_limits(
         progress: Function that is called with the share of the steps that are done.
     """
     for _ in range(ROUNDS):
-        own, other = _own_limits(unknowns, fit), _other_limits(unknowns, runs, fit)
         residuals = np.concatenate(residuals_at(unknowns, fit.x, runs))
-        far = (fit.rms > FAR * encoder_errors(runs)) & (other != own)
+        far = fit.rms > FAR * encoder_errors(runs)
         if not (far & (_concentration(residuals) > CONCENTRATED)).any():
             break
-        limit = np.where(far, other, own)
+        limit = _best_limits(unknowns, runs, fit, far)
+        if np.array_equal(limit, _own_limits(unknowns, fit)):
+            break
         changed = _with_limits(unknowns, limit)
         start = _coordinates(changed, limit, unknowns, fit.x)
         found = search_from_windows(changed, runs, start, FEW_STEPS, progress)
@@ -133,29 +137,49 @@ def _own_limits(unknowns: Unknowns, fit: OutputErrorFit) -> Array:
     return np.where(np.isinf(unknowns.mean.limit), np.inf, fit.parameters.limit)
 
 
-def _other_limits(unknowns: Unknowns, runs: Sequence[ServoRun], fit: OutputErrorFit) -> Array:
-    """Other largest torque of each joint, shape (n,).
+def _best_limits(unknowns: Unknowns, runs: Sequence[ServoRun], fit: OutputErrorFit, far: NDArray[np.bool_]) -> Array:
+    """Largest torques with which windows are simulated best, joint by joint from the one with the worst motion.
 
-    It is infinite for a joint that reaches its own one, and `REACHED` of the torque that the position errors ask for
-    if no row reaches the own one, which then cannot be searched for; that of the description if there is none.
+    Tried are no limit, that of the description, and shares of the torque that the position errors ask for.
     """
-    parameters, own = fit.parameters, _own_limits(unknowns, fit)
+    model, parameters, limit = unknowns.model, fit.parameters, _own_limits(unknowns, fit)
+    windows = with_initial_velocities(model, parameters, windows_of(runs))
+    if not windows:
+        return limit
     errors = [
         np.abs(run.held(run.time - float(parameters.delay.mean())) - run.q - parameters.offset).max(axis=0)
         for run in runs
     ]
     asked = parameters.stiffness * np.max(errors, axis=0)
-    described = np.array([joint.effort_limit for joint in unknowns.model.robot.joints])
-    other = np.where(np.isinf(own), described, np.where(asked > own, np.inf, REACHED * asked))
-    return np.where(unknowns.deviations.limit > 0.0, other, own)
+    score = _misfit(model, replace(parameters, limit=limit), windows)
+    ratio = fit.rms / encoder_errors(runs)
+    for j in sorted(np.flatnonzero(far & (unknowns.deviations.limit > 0.0)).tolist(), key=lambda j: -ratio[j]):
+        for value in (np.inf, model.robot.joints[j].effort_limit, *(share * asked[j] for share in SHARES)):
+            other = limit.copy()
+            other[j] = value
+            found = _misfit(model, replace(parameters, limit=other), windows)
+            if found < score - CLEARLY:
+                limit, score = other, found
+    return limit
+
+
+def _misfit(model: ServoModel, parameters: ServoParameters, runs: Sequence[ServoRun]) -> float:
+    """Sum of the logarithms of the RMS errors of the joints, infinite where the motion diverges."""
+    found = simulate(model, parameters, runs)
+    squares = [np.mean((run.q - each.q) ** 2, axis=0) for run, each in zip(runs, found, strict=True)]
+    total = float(np.sum(np.log(np.mean(squares, axis=0)))) / 2.0
+    return total if np.isfinite(total) else np.inf
 
 
 def _with_limits(unknowns: Unknowns, limit: Array) -> Unknowns:
-    """The unknowns with or without largest torques; new ones have the deviation of described ones."""
+    """The unknowns with or without largest torques; new ones have the deviation of their origin."""
     mean = unknowns.mean.limit
+    described = np.array([joint.effort_limit for joint in unknowns.model.robot.joints])
     same = np.isinf(mean) == np.isinf(limit)
-    deviations = replace(unknowns.deviations, limit=np.where(same, unknowns.deviations.limit, LIMIT))
-    return Unknowns(unknowns.model, replace(unknowns.mean, limit=np.where(same, mean, limit)), deviations)
+    new = np.where(np.isfinite(described), described, limit)
+    deviations = np.where(same, unknowns.deviations.limit, np.where(np.isfinite(described), LIMIT, UNKNOWN_LIMIT))
+    changed = replace(unknowns.mean, limit=np.where(same, mean, np.where(np.isinf(limit), np.inf, new)))
+    return Unknowns(unknowns.model, changed, replace(unknowns.deviations, limit=deviations))
 
 
 def _coordinates(changed: Unknowns, limit: Array, unknowns: Unknowns, x: Array) -> Array:
