@@ -134,8 +134,7 @@ def minimise_output_error(
             damping *= FEWER if found is not None else MORE
             settled = cost - lower < SETTLED if found is not None else settled
         damping = max(damping, LEAST_DAMPING)
-        settled = settled or found is None  # no direction goes down any more
-        point = point if found is None else found
+        settled, point = settled or found is None, found or point  # without a trial, no direction goes down any more
         if settled:  # with the initial velocities of the old parameters, perhaps
             point, runs, settled = _again(unknowns, point, runs, weight)
         weight, rms, correlation = _weights(point.residuals)
