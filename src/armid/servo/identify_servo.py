@@ -13,20 +13,14 @@ from armid.robot.robot import Robot
 from armid.servo.closed_loop import steps_of_sample
 from armid.servo.equation_error import EquationErrorFit, fit_equation_error
 from armid.servo.options import ServoOptions
+from armid.servo.other_limits import FEW_STEPS, search_from_windows, with_other_limits
 from armid.servo.output_error import MOST_STEPS, TRANSIENT, OutputErrorFit, minimise_output_error
 from armid.servo.parameters import ServoModel, ServoParameters
 from armid.servo.score import ClosedLoopError, closed_loop_error
 from armid.servo.servo_prior import make_unknowns
-from armid.servo.servo_run import FEWEST, ServoRun
+from armid.servo.servo_run import ServoRun
 from armid.servo.unknowns import Unknowns
 from armid.threads import one_blas_thread
-
-FEW_STEPS = 8
-"""Largest number of steps of the search without the left-out parts, whose result need not be exact."""
-
-WINDOW = 1.0
-"""Length of the windows of the first search for servos that reach their largest torque [s]. A saturated arm does not
-come back to its command by itself, so a long simulated motion has little to do with the measured one at first."""
 
 SHORTEST_STEP = 2.5e-4
 """Shortest of the longest steps of the integration that are tried [s]."""
@@ -34,6 +28,9 @@ SHORTEST_STEP = 2.5e-4
 SMALL_SHIFT = 0.3
 """Shift of an unknown by the steps of the integration, in standard deviations, that is accepted: a bias of 0.3
 deviations lowers the coverage of a 95 % interval to 94 %."""
+
+SHORTENED = 2
+"""Largest number of times that the steps are shortened: the first new minimum has smaller deviations."""
 
 LEFT_OUT = 0.3
 """Share at the end of each training run on which the first estimate and the refined one are compared."""
@@ -105,14 +102,20 @@ def identify_servo(
     fit = minimise_output_error(
         unknowns,
         runs,
-        start=unknowns.near(partial.parameters) if refined else None,
+        start=unknowns.near(partial.parameters, start.links(partial.x)) if refined else None,
         most_steps=MOST_STEPS if refined else 0,
         progress=lambda share: tell("output error", share),
     )
     if refined:
+        unknowns, fit = with_other_limits(unknowns, runs, fit, lambda share: tell("largest torques", share))
         unknowns, fit = _with_shorter_steps(unknowns, runs, fit, lambda share: tell("shorter steps", share))
         model = unknowns.model
     training = closed_loop_error(model, fit.parameters, runs, after=TRANSIENT)
+    if refined and not training.total <= closed_loop_error(model, partial.parameters, runs, after=TRANSIENT).total:
+        # A search over long motion with saturated servos may end at a worse point than that of a part of the motion,
+        # which was judged by motion that it did not know.
+        unknowns, fit = start, minimise_output_error(start, runs, start=partial.x, most_steps=0)
+        model, training = start.model, closed_loop_error(start.model, fit.parameters, runs, after=TRANSIENT)
     kept = partial.parameters if refined else start.mean
     return ServoEstimate(model, unknowns, first, fit, fit.parameters, refined, left_out, training, kept)
 
@@ -168,11 +171,8 @@ def _without_the_end(
     _, other = _first_estimate(model, bodies, runs, options, saturated=True)
     if np.array_equal(other.mean.limit, unknowns.mean.limit):
         return False, unknowns, fit
-    windows = _windows(runs)
-    try:
-        near = minimise_output_error(other, windows, most_steps=FEW_STEPS, progress=progress).x if windows else None
-        other_fit = minimise_output_error(other, runs, start=near, most_steps=FEW_STEPS, progress=progress)
-    except EstimationError:  # its motion diverges
+    other_fit = search_from_windows(other, runs, None, FEW_STEPS, progress)
+    if other_fit is None:
         return False, unknowns, fit
     if np.sum(np.log(other_fit.rms)) < np.sum(np.log(fit.rms)):
         return True, other, other_fit
@@ -183,23 +183,16 @@ def _with_shorter_steps(
     unknowns: Unknowns, runs: Sequence[ServoRun], fit: OutputErrorFit, progress: Callable[[float], None]
 ) -> tuple[Unknowns, OutputErrorFit]:
     """Minimum with steps of the integration that shift no unknown by much; the shift is in proportion to the step."""
-    if not SMALL_SHIFT < fit.integration < np.inf:
-        return unknowns, fit
-    step = min(run.step / steps_of_sample(unknowns.model, run) for run in runs)
-    shorter = max(SHORTEST_STEP, step * SMALL_SHIFT / fit.integration)
-    if shorter >= step:
-        return unknowns, fit
-    finer = Unknowns(replace(unknowns.model, longest_step=shorter), unknowns.mean, unknowns.deviations)
-    return finer, minimise_output_error(finer, runs, start=fit.x, progress=progress)
-
-
-def _windows(runs: Sequence[ServoRun]) -> list[ServoRun]:
-    """Windows of the runs, each of which begins with measured positions."""
-    found: list[ServoRun] = []
-    for run in runs:
-        rows = max(round(WINDOW / run.step), FEWEST)
-        found += [run.part(k, k + rows) for k in range(0, run.samples - rows + 1, rows)]
-    return found
+    for _ in range(SHORTENED):
+        if not SMALL_SHIFT < fit.integration < np.inf:
+            break
+        step = min(run.step / steps_of_sample(unknowns.model, run) for run in runs)
+        shorter = max(SHORTEST_STEP, step * SMALL_SHIFT / fit.integration)
+        if shorter >= step:
+            break
+        unknowns = Unknowns(replace(unknowns.model, longest_step=shorter), unknowns.mean, unknowns.deviations)
+        fit = minimise_output_error(unknowns, runs, start=fit.x, progress=progress)
+    return unknowns, fit
 
 
 def _silent(stage: str, share: float) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.errors import EstimationError
-from armid.servo.closed_loop import SimulatedRun, columns_of, position_derivatives, simulate
+from armid.servo.closed_loop import SimulatedRun, columns_of, position_derivatives, simulate, with_initial_velocities
 from armid.servo.parameters import ServoParameters
 from armid.servo.servo_run import ServoRun
 from armid.servo.unknowns import Unknowns
@@ -118,7 +118,7 @@ def minimise_output_error(
     Raises:
         EstimationError: The simulated motion diverges at the start.
     """
-    point = _begin(unknowns, np.zeros(unknowns.count) if start is None else start, runs)
+    point, runs = _begin(unknowns, np.zeros(unknowns.count) if start is None else start, runs)
     weight, rms, correlation = _weights(point.residuals)
     damping, settled, step = DAMPING[0], most_steps == 0, 0
     for step in range(1, most_steps + 1):
@@ -134,10 +134,10 @@ def minimise_output_error(
             damping *= FEWER if found is not None else MORE
             settled = cost - lower < SETTLED if found is not None else settled
         damping = max(damping, LEAST_DAMPING)
-        settled = settled or found is None  # no direction goes down any more
-        if found is not None:
-            point = found
-            weight, rms, correlation = _weights(point.residuals)
+        settled, point = settled or found is None, found or point  # without a trial, no direction goes down any more
+        if settled:  # with the initial velocities of the old parameters, perhaps
+            point, runs, settled = _again(unknowns, point, runs, weight)
+        weight, rms, correlation = _weights(point.residuals)
         if progress is not None:
             progress(step / most_steps)
         if settled:
@@ -160,15 +160,35 @@ def minimise_output_error(
     )
 
 
-def _begin(unknowns: Unknowns, x: Array, runs: Sequence[ServoRun]) -> _Point:
-    """Point at which a search starts, after a check that its motion does not diverge."""
+def residuals_at(unknowns: Unknowns, x: Array, runs: Sequence[ServoRun]) -> tuple[Array, ...]:
+    """Residuals (rows, n) of each run at unknowns x, from the initial velocities that fit best.
+
+    Raises:
+        EstimationError: The simulated motion diverges.
+    """
+    return _begin(unknowns, x, runs)[0].residuals
+
+
+def _begin(unknowns: Unknowns, x: Array, runs: Sequence[ServoRun]) -> tuple[_Point, Sequence[ServoRun]]:
+    """Point at which a search starts, after a check that its motion does not diverge, and runs with velocities."""
+    runs = with_initial_velocities(unknowns.model, unknowns.parameters(x), runs)
     point = _evaluate(unknowns, x, runs)
     if not all(np.isfinite(each).all() for each in point.residuals):
         raise EstimationError(
             "The simulated motion diverges with the first estimate of the servos.",
             remedy="check the units of command and position, and state the stiffness of the servos.",
         )
-    return point
+    return point, runs
+
+
+def _again(
+    unknowns: Unknowns, point: _Point, runs: Sequence[ServoRun], weight: Array
+) -> tuple[_Point, Sequence[ServoRun], bool]:
+    """Point and runs with new initial velocities, and true if these lower the objective by little."""
+    others = with_initial_velocities(unknowns.model, unknowns.parameters(point.x), runs)
+    other = _evaluate(unknowns, point.x, others)
+    gain = _cost(unknowns, point, weight) - _cost(unknowns, other, weight)
+    return (other, others, gain < SETTLED) if gain > 0.0 else (point, runs, True)
 
 
 def _rows(run: ServoRun) -> slice:

@@ -15,6 +15,9 @@ from armid.servo.parameters import ServoModel, ServoParameters
 LOWER = tuple((i, j) for i in range(4) for j in range(i + 1))
 """Row and column of the ten entries of a lower triangular matrix."""
 
+DIAGONAL = [k for k, (i, j) in enumerate(LOWER) if i == j]
+"""Numbers of the entries on the diagonal."""
+
 LOGARITHMIC = ("friction", "rotor_inertia", "stiffness", "damping", "limit")
 """Fields of `ServoParameters` that are positive; their coordinates are logarithms of the ratio to the prior mean."""
 
@@ -35,7 +38,9 @@ class PriorDeviations:
         offset: Of each offset, shape (n,) [rad or m].
         delay: Of each delay, shape (n,) [s].
         bodies: Of the relative changes of the links. A link with the pseudo-inertia J = L Lᵀ has the factor L E with
-            a lower triangular matrix E; the logarithms of its diagonal and its other entries have this deviation.
+            a lower triangular matrix E; the logarithms of the lengths of its rows, and its other entries relative to
+            the diagonal of their row, have this deviation. So the description is the median of the prior: with
+            independent entries, a link whose centre of mass moves in either direction would become heavier.
     """
 
     friction: Array
@@ -88,14 +93,23 @@ class Unknowns:
         values |= {name: getattr(self.mean, name) + parts[name] for name in ADDITIVE}
         return replace(self.mean, inertial=self._bodies(bodies), **values)
 
-    def near(self, parameters: ServoParameters) -> Array:
-        """Coordinates (count,) of gains, friction, offsets and delays of other parameters, with the prior links."""
+    def near(self, parameters: ServoParameters, links: Array | None = None) -> Array:
+        """Coordinates (count,) of gains, friction, offsets and delays of other parameters.
+
+        Args:
+            parameters: The other parameters.
+            links: Coordinates of the links, shape (10 n,); those of the prior links if not given.
+        """
         parts: list[Array] = []
         for name, size in self._sizes.items():
             own, mean = getattr(parameters, name), getattr(self.mean, name)
             ratio = np.divide(own, mean, out=np.ones(size), where=(own > 0.0) & _moves(mean) & np.isfinite(own))
             parts.append(np.log(ratio) if name in LOGARITHMIC else own - mean)
-        return np.concatenate([*parts, np.zeros(10 * self.model.n)])[self.free]
+        return np.concatenate([*parts, np.zeros(10 * self.model.n) if links is None else links])[self.free]
+
+    def links(self, x: Array) -> Array:
+        """Coordinates of the links at coordinates x (count,), shape (10 n,)."""
+        return self._split(x)[1].ravel()
 
     def chain(self, x: Array) -> Array:
         """Derivatives of the parameters, in the columns of `columns_of`, by the unknowns, shape (columns, count)."""
@@ -126,8 +140,8 @@ class Unknowns:
         """Matrices E of the links, shape (n, 4, 4)."""
         triangles = np.zeros((self.model.n, 4, 4))
         for k, (i, j) in enumerate(LOWER):
-            triangles[:, i, j] = np.exp(coordinates[:, k]) if i == j else coordinates[:, k]
-        return triangles
+            triangles[:, i, j] = 1.0 if i == j else coordinates[:, k]
+        return triangles * (np.exp(coordinates[:, DIAGONAL]) / np.linalg.norm(triangles, axis=2))[:, :, None]
 
     def _bodies(self, coordinates: Array) -> Array:
         """Inertial parameters of the links, shape (n, 10)."""
@@ -139,11 +153,15 @@ class Unknowns:
     def _body_slopes(self, coordinates: Array) -> Array:
         """Derivatives of the inertial parameters of each link by its coordinates, shape (n, 10, 10)."""
         triangles = self._triangles(coordinates)
+        shrunk = triangles[:, range(4), range(4)] / np.exp(coordinates[:, DIAGONAL])  # 1 / length of (entries, 1)
         factors = self._factors @ triangles
         slopes = np.empty((self.model.n, 10, 10))
         for k, (i, j) in enumerate(LOWER):
             change = np.zeros_like(triangles)
-            change[:, i, j] = triangles[:, i, j] if i == j else 1.0
+            change[:, i] = triangles[:, i]
+            if i != j:
+                change[:, i] *= (-coordinates[:, k] * shrunk[:, i] ** 2)[:, None]
+                change[:, i, j] += triangles[:, i, i]
             half = self._factors @ change @ np.swapaxes(factors, 1, 2)
             slopes[:, :, k] = vector_from_pseudo_inertia(half + np.swapaxes(half, 1, 2))
         return slopes
