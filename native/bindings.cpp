@@ -349,4 +349,5 @@ NB_MODULE(_native, m) {
   armid::bind(m, "information_adjoint", &information_adjoint);
   armid::bind(m, "reweighted", &reweighted);
   armid::bind_rollout(m);
+  armid::bind_channels(m);
 }

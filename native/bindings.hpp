@@ -178,4 +178,7 @@ inline Layout layout_of(const ArmData& data, const In<std::int32_t>& offset, con
 // Adds the functions of the roll-out to the module.
 void bind_rollout(nb::module_& m);
 
+// Adds the passes over the channels of recordings to the module.
+void bind_channels(nb::module_& m);
+
 }  // namespace armid

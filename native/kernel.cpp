@@ -2,6 +2,7 @@
 #include "kernel.hpp"
 
 #include "adjoint.hpp"
+#include "channels.hpp"
 #include "decimate.hpp"
 #include "dynamics.hpp"
 #include "factor.hpp"
@@ -75,6 +76,9 @@ const Kernel ARMID_TABLE(ARMID_ISA) = {
     ARMID_ISA::factor_all_columns,
     ARMID_ISA::decimate_columns,
     ARMID_ISA::play,
+    ARMID_ISA::zero_phase,
+    ARMID_ISA::speeds,
+    ARMID_ISA::third_differences,
     ARMID_ISA::columns_adjoint,
     ARMID_ISA::information,
     ARMID_ISA::information_adjoint,

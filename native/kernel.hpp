@@ -2,6 +2,7 @@
 #pragma once
 
 #include "arm.hpp"
+#include "signals.hpp"
 
 namespace armid {
 
@@ -23,6 +24,14 @@ struct Kernel {
                    std::ptrdiff_t rows, double* out);
   void (*play)(const double* x, std::ptrdiff_t N, std::ptrdiff_t width, const std::int32_t* column, const double* r,
                int nodes, double* out, std::int64_t* known);
+  // Filtered samples [begin, end) and their derivatives; `begin` is a multiple of `piece`.
+  void (*zero_phase)(const Channels&, const Filter&, std::ptrdiff_t piece, std::ptrdiff_t begin, std::ptrdiff_t end,
+                     const Filtered&);
+  // Speeds and third differences (n, end - begin) of samples [begin, end), one row a channel.
+  void (*speeds)(const Channels&, std::ptrdiff_t half, double scale, std::ptrdiff_t begin, std::ptrdiff_t end,
+                 double* out);
+  void (*third_differences)(const Channels&, const double* time, std::ptrdiff_t begin, std::ptrdiff_t end, double* out,
+                            double* smallest);
   // Gradients (N, n) of the sum of cotangents (columns, N) times columns; N at least `lanes`.
   void (*columns_adjoint)(const Arm&, const Layout&, const Samples&, const double* cotangent, std::ptrdiff_t N,
                           double* q, double* dq, double* ddq);

@@ -14,10 +14,11 @@ from armid.maths.signals.decimation import decimate, decimation_filter
 from armid.maths.signals.motion_cutoff import automatic_cutoff
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
+from armid.measurement.processing.channels.position_noise import position_noise
 from armid.measurement.processing.differentiation import differentiate
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.row_mask import moving, run_of, separate_rows
-from armid.measurement.processing.standstill import position_noise, standing
+from armid.measurement.processing.standstill import standing
 from armid.measurement.processing.uniform_runs import Segment, cut_at_gaps, resample_uniform
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion

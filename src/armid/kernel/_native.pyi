@@ -189,3 +189,20 @@ def reweighted(
     sigma: _A,
     /,
 ) -> None: ...
+def zero_phase(
+    isa: str,
+    x: _A,
+    sections: _A,
+    reach: int,
+    rate: float,
+    least_value: float,
+    least_first: float,
+    piece: int,
+    threads: int,
+    value: _A,
+    first: _A,
+    second: _A,
+    /,
+) -> None: ...
+def speeds(isa: str, x: _A, half: int, scale: float, begin: int, out: _A, /) -> None: ...
+def third_differences(isa: str, x: _A, time: _A, begin: int, out: _A, smallest: _A, /) -> None: ...

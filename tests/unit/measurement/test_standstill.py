@@ -16,8 +16,9 @@ from armid.lab.sensors import Sensing, SensorChannel
 from armid.lab.simulation import Simulated, simulate
 from armid.measurement.convention_conversion import to_robot_convention
 from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.channels.position_noise import position_noise
 from armid.measurement.processing.options import THESIS, ProcessingOptions
-from armid.measurement.processing.standstill import BESIDE, SLIDING, position_noise, standing, sticks_and_rests
+from armid.measurement.processing.standstill import BESIDE, SLIDING, standing, sticks_and_rests
 from armid.measurement.recording import Recording
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.errors import Finding
 from armid.maths.median import median
-from armid.measurement.processing.standstill import position_noise
+from armid.measurement.processing.channels.position_noise import position_noise
+from armid.measurement.processing.channels.statistics import interpolated, standard_deviation
 from armid.measurement.processing.uniform_runs import Segment
 from armid.measurement.remedy_builders import lines
 from armid.remedy import Remedy, setting
@@ -114,6 +115,7 @@ def period_of(
     start: float | None,
     source: str,
     findings: list[Finding],
+    noise: Array | None = None,
 ) -> tuple[float | None, float | None]:
     """Period and start [s] of the motion of a recording: stated values after a check, or values from the positions.
 
@@ -123,16 +125,17 @@ def period_of(
         start: Stated start of the first period [s]; `None` if it is not stated.
         source: Path of the recording.
         findings: List to which a finding about the repetitions is added.
+        noise: Standard deviation of the noise of the positions, shape (n,), if it is known [rad or m].
     """
     if stated == "find":
-        return find_period(segments, source, findings)
+        return find_period(segments, source, findings, noise)
     if stated is not None:
         check_period(segments, stated, start, source, findings)
     return stated, start
 
 
 def find_period(
-    segments: Sequence[Segment], source: str, findings: list[Finding]
+    segments: Sequence[Segment], source: str, findings: list[Finding], noise: Array | None = None
 ) -> tuple[float | None, float | None]:
     """Detects period and start [s] of the motion of a recording without gaps; `None` if it does not repeat.
 
@@ -140,11 +143,12 @@ def find_period(
         segments: Segments of the recording between its gaps.
         source: Path of the recording.
         findings: List to which a finding about the repetitions is added.
+        noise: Standard deviation of the noise of the positions, shape (n,), if it is known [rad or m].
     """
     if len(segments) != 1:
         return None, None
     segment = segments[0]
-    found = repetition(segment.time, segment.q, segment.rate)
+    found = repetition(segment.time, segment.q, segment.rate, noise)
     if found is None:
         return None, None
     begin, end = float(segment.time[0]), float(segment.time[-1]) + 1.0 / segment.rate
@@ -210,25 +214,27 @@ def _multiple(stated: float, found: float) -> bool:
     return any(abs(x - round(x)) <= OFF * x and round(x) >= 1 for x in (ratio, 1.0 / ratio))
 
 
-def repetition(time: Array, q: Array, rate: float) -> Repetition | None:
+def repetition(time: Array, q: Array, rate: float, noise: Array | None = None) -> Repetition | None:
     """Detects the repetitions of a motion that was executed at least twice; `None` if there are none.
 
     Args:
         time: Times of the samples, which need not be uniform, shape (N,) [s].
         q: Positions as they were logged, shape (N, n) [rad or m].
         rate: Average sample rate [Hz].
+        noise: Standard deviation of the noise of the positions, shape (n,) [rad or m]; it is estimated if not given.
     """
     length = float(time[-1] - time[0])
     step = 1.0 / min(RATE, rate)
     grid = time[0] + np.arange(int(length / step) + 1) * step
-    deviation = q.std(axis=0)
-    moves = deviation > np.maximum(MOVES, CLEAR * position_noise(q, time))
+    noise = position_noise(q, time) if noise is None else noise
+    deviation = standard_deviation(q)
+    moves = deviation > np.maximum(MOVES, CLEAR * noise)
     shortest = max(2, round(SHORTEST / step))
     if not moves.any() or len(grid) < 2 * shortest:
         return None
-    x = np.column_stack([np.interp(grid, time, each) for each in q[:, moves].T])
+    x = interpolated(grid, time, q)[:, moves]
     x = (x - x.mean(axis=0)) / deviation[moves]
-    noise = position_noise(q, time)[moves] / deviation[moves]
+    noise = noise[moves] / deviation[moves]
     found = [each for lag, within in _likely(x, shortest) if (each := _agreement(x, lag, within, noise)) is not None]
     if not found:
         return None
@@ -280,7 +286,7 @@ def _agreement(x: Array, near: int, within: Array, noise: Array) -> _Agreed | No
     lag, off = float(near), np.zeros(0)
     for _ in range(ROUNDS):
         ahead, speed = _ahead(x, np.arange(int(len(x) - lag)), lag)
-        off = (ahead**2 / within).max(axis=1)
+        off = _largest(ahead, within)
         sure = off <= FAR * median(off) + ALIKE**2 / FAR
         energy = float((speed[sure] ** 2 / within).sum())
         if energy == 0.0:
@@ -289,7 +295,7 @@ def _agreement(x: Array, near: int, within: Array, noise: Array) -> _Agreed | No
         if abs(lag - near) > CLOSE * near:
             return None
     ahead, _ = _ahead(x, np.arange(int(len(x) - lag)), lag)
-    off = (ahead**2 / within).max(axis=1)
+    off = _largest(ahead, within)
     alike = off <= ALIKE**2 + 2.0 * float((noise**2 / within).max()) * FAR**2
     first, last = _longest(alike, round(CLOSE * lag))
     if last - first < (1.0 - CLOSE) * lag:
@@ -310,6 +316,11 @@ def _ahead(x: Array, first: NDArray[np.int64], lag: float) -> tuple[Array, Array
     ahead = np.column_stack([np.interp(later, index, each) for each in x.T]) - x[first]
     below = np.clip(later.astype(np.int64), 0, len(x) - 2)
     return ahead, x[below + 1] - x[below]
+
+
+def _largest(ahead: Array, within: Array) -> Array:
+    """Largest squared difference (N,) of the m signals at each sample, divided by the variances `within` (m,)."""
+    return np.maximum.reduce([signal**2 / variance for signal, variance in zip(ahead.T, within, strict=True)])
 
 
 def _longest(good: NDArray[np.bool_], bridged: int) -> tuple[int, int]:

@@ -17,13 +17,14 @@ from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
 from armid.maths.signals.motion_cutoff import automatic_cutoff
 from armid.measurement.observations import Observations, ObservedRun
+from armid.measurement.processing.channels.position_noise import position_noise
 from armid.measurement.processing.differentiation import differentiate
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.period import period_of
 from armid.measurement.processing.repetitions import average, check_closed, whole_periods, windows
 from armid.measurement.processing.row_mask import edge_margin, moving, run_of, separate_rows
 from armid.measurement.processing.saturation import without_saturated
-from armid.measurement.processing.standstill import position_noise, standstill_findings, sticks_and_rests
+from armid.measurement.processing.standstill import standstill_findings, sticks_and_rests
 from armid.measurement.processing.uniform_runs import (
     Segment,
     cut_at_gaps,
@@ -135,7 +136,8 @@ def process_recording(
     findings.extend(gaps)
     noise = np.max([position_noise(segment.q, segment.time) for segment in segments], axis=0)
     found = period == "find"
-    period, start = period_of(segments, period, start, recording.source, findings)
+    alone = noise if len(segments) == 1 else None
+    period, start = period_of(segments, period, start, recording.source, findings, alone)
     start = float(segments[0].time[0]) if period is not None and start is None else start
     segments = _on_a_grid(segments, processing, given, period, recording.source, findings)
     if processing.edges == "periodic":

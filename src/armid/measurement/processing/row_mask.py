@@ -175,15 +175,17 @@ def _filters(processing: ProcessingOptions, rate: float) -> list[Array]:
 
 def _any_within(flags: Flags, rows: Rows, reach: int, *, periodic: bool) -> Flags:
     """Mask (M, n) of the rows that have a flagged sample at most `reach` samples away; periodic runs wrap around."""
+    found = np.zeros((len(rows), flags.shape[1]), dtype=np.bool_)
     if not flags.any():
-        return np.zeros((len(rows), flags.shape[1]), dtype=np.bool_)
-    if periodic:
-        reach = min(reach, len(flags))
-        flags = np.concatenate([flags[len(flags) - reach :], flags, flags[:reach]])
-        rows = rows + reach
-    counts = np.concatenate([np.zeros((1, flags.shape[1]), dtype=np.int64), flags.cumsum(axis=0)])
-    low, high = np.maximum(rows - reach, 0), np.minimum(rows + reach + 1, len(flags))
-    return counts[high] > counts[low]
+        return found
+    N = len(flags)
+    reach = min(reach, N) if periodic else reach
+    for j in range(flags.shape[1]):
+        flagged = np.flatnonzero(flags[:, j])
+        if periodic:
+            flagged = np.concatenate([flagged[flagged >= N - reach] - N, flagged, flagged[flagged < reach] + N])
+        found[:, j] = np.searchsorted(flagged, rows + reach, side="right") > np.searchsorted(flagged, rows - reach)
+    return found
 
 
 def _repetitions(segment: Segment, rows: Rows, repeats: tuple[float, float]) -> tuple[Rows, Flags]:

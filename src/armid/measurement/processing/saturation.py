@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armid.checked_array import Array, array
 from armid.errors import Finding, RecordingError
+from armid.measurement.processing.channels.statistics import extremes, outside
 from armid.measurement.recording import Recording
 
 FEWEST, SHARE = 10, 0.002
@@ -61,7 +62,7 @@ def plateaus(effort: Array, counted: NDArray[np.bool_]) -> tuple[Plateau, ...]:
         counted: Mask of the samples that are examined, shape (N, n).
     """
     found: list[Plateau] = []
-    for j in range(effort.shape[1]):
+    for j in _repeated_extremes(effort) if counted.all() else range(effort.shape[1]):
         tau = effort[counted[:, j], j]
         if not len(tau) or np.ptp(tau) == 0.0:
             continue
@@ -71,6 +72,15 @@ def plateaus(effort: Array, counted: NDArray[np.bool_]) -> tuple[Plateau, ...]:
             rows = counted[:, j] & (np.abs(np.abs(effort[:, j]) - level) <= same)
             found.append(Plateau(j, level, count, len(tau), rows))
     return tuple(found)
+
+
+def _repeated_extremes(effort: Array) -> list[int]:
+    """Joints whose torque (N, n) may have a plateau, because enough of its samples lie at its extreme values."""
+    low, high = extremes(effort)
+    near = ROUNDING * np.maximum(np.maximum(np.abs(low), np.abs(high)), high - low)
+    found = outside(effort, low + near, high - near)
+    fewest = max(FEWEST, SHARE * len(effort))
+    return [j for j in range(len(found)) if found[j] >= fewest and high[j] > low[j]]
 
 
 def without_plateaus(recording: Recording) -> Recording:

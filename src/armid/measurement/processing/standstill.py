@@ -31,7 +31,8 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import Finding
-from armid.maths.median import median
+from armid.measurement.processing.channels.position_noise import position_noise
+from armid.measurement.processing.channels.speed_tiles import SpeedTiles
 from armid.measurement.processing.row_mask import MOST_STILL
 from armid.measurement.recording import Recording
 
@@ -148,22 +149,26 @@ def sticks_and_rests(
     half = max(NARROWEST, round(SPAN * rate / 2))
     if len(q) <= 2 * half:
         return flags, moments
-    speed = _speed(q, half, rate)
-    usual = np.sqrt(np.mean(speed**2, axis=0))
+    speed = SpeedTiles(q, half, rate)
+    usual = speed.rms()
     limit = np.maximum(_significant(noise, half, rate), SLOW * usual)
     seen = (usual > 0.0) & (limit <= BLIND * usual)
-    several = seen.sum() > 1
-    rests, creeps = ((speed[:, seen] < share * limit[seen]).all(axis=1) & several for share in (1.0, LINGERS))
-    for j in np.flatnonzero(seen):
-        ends, departure = _slow_segments(speed[:, j] / limit[j], max(LEAST, round(SHORTEST * rate)))
-        resting = [(creeps if end - begin >= LONG * rate else rests)[begin:end].mean() for begin, end in ends]
-        alone = np.array(resting) < RESTING
-        ends, departure = ends[alone], departure[alone]
+    joints = np.flatnonzero(seen).tolist()
+    several = len(joints) > 1
+    together = LINGERS * limit, np.maximum(limit, MOMENT * usual)
+    slow, (creeps, at_rest) = speed.below(limit, joints, together)
+    rests = np.logical_and.reduce([slow[j] for j in joints]) if several else np.zeros(len(q), dtype=np.bool_)
+    creeps &= several
+    for j in joints:
+        segments = _slow_segments(slow[j], max(LEAST, round(SHORTEST * rate)))
+        resting = [(creeps if end - begin >= LONG * rate else rests)[begin:end].mean() for begin, end in segments]
+        segments = segments[np.array(resting) < RESTING]
+        departure = np.array([_departure(speed, j, *ends) for ends in segments.tolist()]) / limit[j]
         if departure.max(initial=0.0) > STANDS:
-            for begin, end in ends[departure > LINGERS]:
+            for begin, end in segments[departure > LINGERS]:
                 flags[max(0, begin - half) : end + half, j] = True
     if several:
-        moments[:, seen] |= _moments(speed[:, seen] / usual[seen], limit[seen] / usual[seen], rate)
+        _mark_moments(speed, at_rest, np.where(seen, limit, np.inf), usual, moments)
     return flags, moments
 
 
@@ -214,29 +219,6 @@ def _shares(recording: Recording, share: Array) -> str:
     return ", ".join(f"{recording.channels[j]} {share[j]:.0%}" for j in np.flatnonzero(share > 0.0))
 
 
-def position_noise(q: Array, time: Array) -> Array:
-    """Standard deviation of the noise of the positions of each joint, including rounding.
-
-    Args:
-        q: Positions as they were logged, shape (N, n) [rad or m].
-        time: Times of the positions, which need not be uniform, shape (N,) [s].
-
-    Returns:
-        Standard deviations, shape (n,) [rad or m]; zero if there are too few samples for an estimate.
-    """
-    steps = np.abs(np.diff(q, axis=0))
-    smallest = np.where(steps > 0.0, steps, np.inf).min(axis=0, initial=np.inf)
-    rounding = np.where(np.isfinite(smallest), smallest, 0.0) / np.sqrt(12.0)
-    if len(q) < 4:
-        return rounding
-    # Third divided differences: what no parabola through the times explains, in units of one sample's noise.
-    times, values = ([x[k : len(x) - 3 + k] for k in range(4)] for x in (time, q))
-    weight = np.array([1.0 / np.prod([t - s for s in times if s is not t], axis=0) for t in times])
-    weight /= np.linalg.norm(weight, axis=0)
-    third = sum((w[:, None] * x for w, x in zip(weight, values, strict=True)), start=np.zeros(()))
-    return np.maximum(1.4826 * median(np.abs(third)), rounding)
-
-
 def _significant(noise: Array, half: int, rate: float) -> Array:
     """Smallest significant speed in the presence of noise, shape (n,), for means of `half` samples on each side."""
     return SURE * noise * np.sqrt(2.0 / half) / (half + 1) * rate
@@ -248,14 +230,11 @@ def _long_rests(q: Array, rate: float, noise: Array) -> NDArray[np.bool_]:
     half = min(max(NARROWEST, round(HELD * rate / 4)), (len(q) - 1) // 2 - 1)
     if half < 1:
         return flags
-    speed = _speed(q, half, rate)
-    # Nearer to the ends, the speed would depend on the first or last sample alone, whose noise no mean reduces.
-    speed[:half], speed[-half:] = speed[half], speed[-half - 1]
-    usual = np.sqrt(np.mean(speed**2, axis=0))
-    limit = np.maximum(np.maximum(_significant(noise, half, rate), AT_REST * usual), STILL)
-    for j in range(q.shape[1]):
-        slow = np.concatenate([[False], speed[:, j] < limit[j], [False]])
-        for begin, end in np.flatnonzero(np.diff(slow)).reshape(-1, 2):
+    speed = SpeedTiles(q, half, rate, held=half)
+    limit = np.maximum(np.maximum(_significant(noise, half, rate), AT_REST * speed.rms()), STILL)
+    slow, _ = speed.below(limit)
+    for j, slow_j in enumerate(slow):
+        for begin, end in _segments(slow_j).tolist():
             # A speed over a span already contains motion that is half a span away from the rest.
             first, last = (begin - half if begin else 0), (end + half if end < len(q) else len(q))
             beyond = (0 if begin else half) + (0 if end < len(q) else half)
@@ -264,30 +243,33 @@ def _long_rests(q: Array, rate: float, noise: Array) -> NDArray[np.bool_]:
     return flags
 
 
-def _moments(speed: Array, limit: Array, rate: float) -> NDArray[np.bool_]:
-    """Mask of brief rests of all joints between motions, with the adjacent slow samples of each joint, shape (N, m).
+def _mark_moments(
+    speed: SpeedTiles, resting: NDArray[np.bool_], limit: Array, usual: Array, flags: NDArray[np.bool_]
+) -> None:
+    """Marks brief rests of all joints between motions, with the adjacent slow samples of each joint.
 
     Args:
-        speed: Speeds divided by the RMS speed of each joint, shape (N, m).
-        limit: Limit below which a joint is slow, divided by its RMS speed, shape (m,).
-        rate: Sample rate [Hz].
+        speed: Speeds of n joints at N samples.
+        resting: Mask of the samples at which all joints rest, shape (N,).
+        limit: Speed below which a joint is slow, shape (n,); infinite for joints that are not considered.
+        usual: RMS speed of each joint, shape (n,).
+        flags: Mask in which the samples are marked, shape (N, n).
     """
-    flags = np.zeros(speed.shape, dtype=np.bool_)
-    reach, at_rest = round(BESIDE * rate), np.maximum(limit, MOMENT)
-    slow = np.concatenate([[False], (speed < at_rest).all(axis=1), [False]])
-    for begin, end in np.flatnonzero(np.diff(slow)).reshape(-1, 2):
-        if begin == 0 or end == len(speed) or end - begin >= LONG * rate:
+    rate, reach = speed.rate, round(BESIDE * speed.rate)
+    joints = np.flatnonzero(np.isfinite(limit))
+    slow = limit[joints] / usual[joints]
+    at_rest = np.maximum(slow, MOMENT)
+    for begin, end in _segments(resting).tolist():
+        if begin == 0 or end == len(flags) or end - begin >= LONG * rate:
             continue
-        near = slice(max(0, begin - reach), end + reach)
-        ends = [_around(speed[near, j], begin - near.start, end - near.start) for j in range(speed.shape[1])]
-        lengths = [
-            [last - first for first, last in (of(v), of(PASSES * v))] for of, v in zip(ends, at_rest, strict=True)
-        ]
+        first, stop = max(0, begin - reach), min(len(flags), end + reach)
+        near = speed.between(first, stop)[joints] / usual[joints, None]
+        ends = [_around(each, begin - first, end - first) for each in near]
+        lengths = [[b - a for a, b in (of(v), of(PASSES * v))] for of, v in zip(ends, at_rest, strict=True)]
         if all(wide <= HURRIES * narrow for narrow, wide in lengths):
-            for j, of in enumerate(ends):
-                first, last = of(max(SLIDING, float(limit[j])))
-                flags[near.start + first : near.start + last, j] = True
-    return flags
+            for j, of, least in zip(joints, ends, slow, strict=True):
+                a, b = of(max(SLIDING, float(least)))
+                flags[first + a : first + b, j] = True
 
 
 def _around(speed: Array, begin: int, end: int) -> Callable[[float], tuple[int, int]]:
@@ -303,28 +285,19 @@ def _around(speed: Array, begin: int, end: int) -> Callable[[float], tuple[int, 
     return below
 
 
-def _slow_segments(speed: Array, shortest: int) -> tuple[NDArray[np.intp], Array]:
-    """First sample and end (K, 2) of segments with speeds (N,) below 1, and the largest speed around each, (K,).
-
-    Segments with fewer than `shortest` samples are left out.
-    """
-    slow = np.concatenate([[False], speed < 1.0, [False]])
-    ends = np.flatnonzero(np.diff(slow)).reshape(-1, 2)
-    ends = ends[ends[:, 1] - ends[:, 0] >= shortest]
-    departure = np.zeros(len(ends))
-    for k, (begin, end) in enumerate(ends):
-        length = end - begin
-        around = np.concatenate([speed[max(0, begin - length) : begin], speed[end : end + length]])
-        departure[k] = around.max(initial=0.0)
-    return ends, departure
+def _segments(mask: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """First sample and end (K, 2) of the segments of true flags (N,)."""
+    return np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2)
 
 
-def _speed(q: Array, half: int, rate: float) -> Array:
-    """Absolute speed at each sample, from the means of `half` samples before and after it, shape (N, n)."""
-    centred = q - q.mean(axis=0)
-    whole = np.concatenate(
-        [2 * centred[0] - centred[half:0:-1], centred, 2 * centred[-1] - centred[-2 : -half - 2 : -1]]
-    )
-    sums = np.concatenate([np.zeros((1, q.shape[1])), whole.cumsum(axis=0)])
-    means = (sums[half:] - sums[:-half]) / half
-    return np.abs(means[half + 1 :] - means[: -half - 1]) * rate / (half + 1)
+def _slow_segments(slow: NDArray[np.bool_], shortest: int) -> NDArray[np.intp]:
+    """First sample and end (K, 2) of segments of slow samples (N,) that have at least `shortest` samples."""
+    ends = _segments(slow)
+    return ends[ends[:, 1] - ends[:, 0] >= shortest]
+
+
+def _departure(speed: SpeedTiles, joint: int, begin: int, end: int) -> float:
+    """Largest speed of a joint around a segment: before and after it, within the length of the segment."""
+    length = end - begin
+    around = ((max(0, begin - length), begin), (end, min(len(speed.q), end + length)))
+    return max((float(speed.between(a, b)[joint].max()) for a, b in around if a < b), default=0.0)

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.checked_array import Array
+from armid.checked_array import Array, all_finite, frozen
 from armid.errors import Finding, RecordingError
 from armid.input_boundary import within
 from armid.maths.median import median
 from armid.maths.signals.resampling import resample
 from armid.measurement.recording import Recording
 from armid.remedy import Remedy, setting
+
+TILE = 16384
+"""Number of time stamps that are compared with a uniform grid at a time."""
 
 GAP_STEPS = 2.5
 """Length of a time step, in median steps, above which it counts as a gap. Two successive lost samples exceed this
@@ -102,15 +105,18 @@ class Segment:
         ddq = None if self.ddq is None else signals(self.ddq)
         return Segment(time, rate, signals(self.q), dq, ddq, signals(self.effort), bad(self.bad))
 
-    def select(self, rows: slice | NDArray[np.bool_]) -> Segment:
-        """Part of the segment with the samples that a slice or a mask (N,) selects."""
+    def select(self, rows: NDArray[np.bool_]) -> Segment:
+        """Part of the segment with the samples that a mask (N,) selects."""
         few = self.changed(lambda x: x[rows], self.time[rows], self.rate, lambda bad: bad[rows])
         number = np.arange(self.samples) if self.number is None else self.number
         return replace(few, number=number[rows])
 
     def cut(self, first: int, stop: int) -> Segment:
-        """Part of the segment with the samples `first` to `stop` - 1."""
-        return self.select(slice(first, stop))
+        """Part of the segment with the samples `first` to `stop` - 1; the arrays are not copied."""
+        part = slice(first, stop)
+        number = None if self.number is None else self.number[part]
+        few = self.changed(lambda x: x[part], self.time[part], self.rate, lambda bad: bad[part])
+        return replace(few, number=number)
 
 
 def jitter(time: Array, number: NDArray[np.int64] | None = None) -> float:
@@ -120,13 +126,13 @@ def jitter(time: Array, number: NDArray[np.int64] | None = None) -> float:
         time: Time stamps, shape (N,) [s].
         number: Number of each sample in the recording, shape (N,), if some samples have been left out.
     """
-    return float(np.std(_unevenness(time, number)))
+    return _unevenness(time, number)[0]
 
 
 def is_even(time: Array, number: NDArray[np.int64] | None = None) -> bool:
     """Checks whether samples were taken at a uniform rate; the arguments are those of `jitter`."""
-    off = _unevenness(time, number)
-    return float(np.std(off)) <= JITTER and float(np.abs(off).max(initial=0.0)) <= ASTRAY
+    deviation, largest = _unevenness(time, number)
+    return deviation <= JITTER and largest <= ASTRAY
 
 
 def is_brief(segment: Segment, cutoff: float) -> bool:
@@ -134,15 +140,27 @@ def is_brief(segment: Segment, cutoff: float) -> bool:
     return segment.samples * cutoff < BRIEF * segment.rate
 
 
-def _unevenness(time: Array, number: NDArray[np.int64] | None) -> Array:
-    """Distance of each time stamp from the uniform grid that fits best, in steps of the grid, shape (N,)."""
+def _unevenness(time: Array, number: NDArray[np.int64] | None) -> tuple[float, float]:
+    """Standard deviation and largest distance of time stamps from the grid that fits best, in steps of the grid."""
     if len(time) < 3:
-        return np.zeros(len(time))
-    index = np.arange(len(time)) if number is None else number
-    index = index - index.mean()
-    centred = time - time.mean()
-    step = float(index @ centred / (index @ index))
-    return (centred - step * index) / step
+        return 0.0, 0.0
+    count = len(time)
+    mean, middle = float(time.mean()), (count - 1) / 2.0 if number is None else float(number.mean())
+
+    def parts() -> Iterator[tuple[Array, Array]]:
+        for begin in range(0, count, TILE):
+            end = min(begin + TILE, count)
+            index = np.arange(begin, end) if number is None else number[begin:end]
+            yield np.asarray(index - middle, dtype=np.float64), time[begin:end] - mean
+
+    sums = np.sum([(index @ index, index @ centred) for index, centred in parts()], axis=0)
+    step = float(sums[1] / sums[0])
+    total, squares, largest = 0.0, 0.0, 0.0
+    for index, centred in parts():
+        off = (centred - step * index) / step
+        total, squares = total + float(off.sum()), squares + float(off @ off)
+        largest = max(largest, float(off.max()), -float(off.min()))
+    return float(np.sqrt(max(0.0, squares / count - (total / count) ** 2))), largest
 
 
 def cut_at_gaps(recording: Recording, cutoff: float | None) -> tuple[list[Segment], list[Finding]]:
@@ -162,8 +180,7 @@ def cut_at_gaps(recording: Recording, cutoff: float | None) -> tuple[list[Segmen
     whole, median = gather(recording)
     longest = max(GAP_STEPS * median, GAP_PERIODS / cutoff if cutoff else 0.0)
     whole = _without_specks(whole, longest)
-    steps = np.diff(whole.time)
-    borders = [0, *(np.flatnonzero(steps > longest) + 1).tolist(), whole.samples]
+    borders = [0, *(np.flatnonzero(np.diff(whole.time) > longest) + 1).tolist(), whole.samples]
     segments = [whole.cut(first, stop) for first, stop in pairwise(borders)]
     findings = _gap_findings(whole, np.asarray(borders[1:-1], dtype=np.int64) - 1, median, recording.source)
     return [replace(segment, rate=_mean_rate(segment, median)) for segment in segments], findings
@@ -205,6 +222,8 @@ def _gap_findings(whole: Segment, before: NDArray[np.int64], median: float, sour
 
 def _without_specks(whole: Segment, longest: float) -> Segment:
     """Leaves out samples that are not valid for any joint, if the time step across them is at most `longest` [s]."""
+    if not whole.bad.any():
+        return whole
     spoilt = whole.bad.all(axis=1)
     if not spoilt.any() or spoilt.all():
         return whole
@@ -237,7 +256,6 @@ def gather(recording: Recording, *, clock: bool = True) -> tuple[Segment, float]
             "" if recording.command is None else " It has a command: `armid servo` identifies arms without torque."
         )
         raise RecordingError(f"{name} has no effort (torque or current).{servo}{hint}", remedy=remedy or wanted)
-    counted = np.arange(recording.samples) / (recording.rate or 1.0)
     if not clock:
         time = np.arange(float(recording.samples))
     elif recording.time is None and recording.rate is None:
@@ -247,8 +265,14 @@ def gather(recording: Recording, *, clock: bool = True) -> tuple[Segment, float]
             remedy="give the key `rate`; or `consecutive = false`, if the rows are separate samples.",
         )
     else:
-        time = counted if recording.time is None else recording.time
-    signals = [x for x in (recording.q, recording.dq, recording.ddq, recording.effort) if x is not None]
+        time = recording.time
+        if time is None:
+            time = frozen(np.arange(recording.samples) / (recording.rate or 1.0))
+    quantities = recording.q, recording.dq, recording.ddq, recording.effort
+    segment = Segment(time, 1.0, *quantities, ~recording.valid, recording.number)
+    signals = [x for x in quantities if x is not None]
+    if recording.samples >= 2 and all(all_finite(x) for x in (time, *signals)):
+        return segment, _median_step(time, name)
     present = np.isfinite(time) & np.logical_and.reduce([np.isfinite(x).all(axis=1) for x in signals])
     lost = ~present & recording.valid.any(axis=1)
     if lost.any() or present.sum() < 2:
@@ -258,8 +282,6 @@ def gather(recording: Recording, *, clock: bool = True) -> tuple[Segment, float]
             possible="at least two samples, all of them finite",
             remedy="remove these samples, or exclude their interval (key `exclude`).",
         )
-    quantities = recording.q, recording.dq, recording.ddq, recording.effort
-    segment = Segment(time, 1.0, *quantities, ~recording.valid, recording.number)
     if not present.all():
         segment = segment.select(present)
     return segment, _median_step(segment.time, name)
@@ -267,7 +289,7 @@ def gather(recording: Recording, *, clock: bool = True) -> tuple[Segment, float]
 
 def _median_step(time: Array, name: str) -> float:
     steps = np.diff(time)
-    if not (steps > 0).all():
+    if not steps.min() > 0.0:
         sample = int(np.argmin(steps > 0))
         raise RecordingError(
             f"{name}: time does not increase from t = {time[sample]:.9g} s (sample {sample}) to "

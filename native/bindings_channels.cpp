@@ -1,0 +1,94 @@
+// Python bindings of the passes over the channels of a recording: checks of arrays, and threads over pieces.
+#include "bindings.hpp"
+
+#include <exception>
+#include <thread>
+
+namespace armid {
+
+namespace {
+
+Channels channels_of(const In<double>& x) {
+  require(x.ndim() == 2 && x.shape(0) > 0 && x.shape(1) > 0, "x must be (N, n), not empty");
+  return {x.data(), static_cast<std::ptrdiff_t>(x.shape(0)), static_cast<int>(x.shape(1))};
+}
+
+void zero_phase(const std::string& isa, In<double> x, In<double> sections, std::int64_t reach, double rate,
+                double least_value, double least_first, std::int64_t piece, int threads, Out<double> value, Out<double> first, Out<double> second) {
+  const Channels channels = channels_of(x);
+  require(sections.size() > 0 && sections.size() % 3 == 0, "sections must be (k, 3)");
+  require(0 < reach && reach < channels.samples, "the filter must settle within the samples");
+  require(piece > 0, "pieces must have samples");
+  require(value.size() == x.size(), "value must be (N, n)");
+  require(first.size() == 0 || first.size() == x.size(), "first must be (N, n) or empty");
+  require(second.size() == 0 || second.size() == x.size(), "second must be (N, n) or empty");
+  const Filter filter{sections.data(), static_cast<int>(sections.size() / 3), static_cast<std::ptrdiff_t>(reach), rate,
+                      {least_value, least_first}};
+  const Filtered out{value.data(), first.size() ? first.data() : nullptr, second.size() ? second.data() : nullptr};
+  const Kernel& k = kernel(isa);
+  nb::gil_scoped_release release;
+  const std::ptrdiff_t pieces = (channels.samples + piece - 1) / piece;
+  const int workers = static_cast<int>(std::clamp<std::ptrdiff_t>(threads, 1, pieces));
+  std::vector<std::exception_ptr> failures(workers);
+  const auto work = [&](int w) {
+    try {
+      const std::ptrdiff_t begin = pieces * w / workers * piece;
+      const std::ptrdiff_t end = std::min(pieces * (w + 1) / workers * static_cast<std::ptrdiff_t>(piece),
+                                          channels.samples);
+      k.zero_phase(channels, filter, piece, begin, end, out);
+    } catch (...) {
+      failures[w] = std::current_exception();
+    }
+  };
+  std::vector<std::thread> others;
+  for (int w = 1; w < workers; ++w) {
+    try {
+      others.emplace_back(work, w);
+    } catch (const std::exception&) {
+      work(w);  // no thread or no memory to be had: this one does its pieces, too
+    }
+  }
+  work(0);
+  for (std::thread& other : others) other.join();
+  for (const std::exception_ptr& failure : failures) {
+    if (failure) std::rethrow_exception(failure);
+  }
+}
+
+void speeds(const std::string& isa, In<double> x, std::int64_t half, double scale, std::int64_t begin,
+            Out<double> out) {
+  const Channels channels = channels_of(x);
+  require(out.ndim() == 2 && out.shape(0) == x.shape(1), "out must be (n, samples)");
+  const std::int64_t end = begin + static_cast<std::int64_t>(out.shape(1));
+  require(0 <= begin && end <= channels.samples, "the samples must lie inside of x");
+  require(0 < half && half < channels.samples, "the span must be shorter than x");
+  const Kernel& k = kernel(isa);
+  double* to = out.data();
+  nb::gil_scoped_release release;
+  k.speeds(channels, half, scale, begin, end, to);
+}
+
+void third_differences(const std::string& isa, In<double> x, In<double> time, std::int64_t begin, Out<double> out,
+                       Out<double> smallest) {
+  const Channels channels = channels_of(x);
+  require(time.size() == x.shape(0), "time must be (N,)");
+  require(out.ndim() == 2 && out.shape(0) == x.shape(1), "out must be (n, samples)");
+  require(smallest.size() == x.shape(1), "smallest must be (n,)");
+  const std::int64_t end = begin + static_cast<std::int64_t>(out.shape(1));
+  require(0 <= begin && begin < end && end + 3 <= channels.samples, "the samples must lie three before the end of x");
+  const Kernel& k = kernel(isa);
+  const double* at = time.data();
+  double *to = out.data(), *least = smallest.data();
+  nb::gil_scoped_release release;
+  k.third_differences(channels, at, begin, end, to, least);
+}
+
+}  // namespace
+
+void bind_channels(nb::module_& m) {
+  bind(m, "zero_phase", &zero_phase);
+  bind(m, "speeds", &speeds);
+  bind(m, "third_differences", &third_differences);
+}
+
+}  // namespace armid
