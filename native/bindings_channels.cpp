@@ -1,8 +1,8 @@
 // Python bindings of the passes over the channels of a recording: checks of arrays, and threads over pieces.
-#include "bindings.hpp"
-
 #include <exception>
 #include <thread>
+
+#include "bindings.hpp"
 
 namespace armid {
 
@@ -14,7 +14,8 @@ Channels channels_of(const In<double>& x) {
 }
 
 void zero_phase(const std::string& isa, In<double> x, In<double> sections, std::int64_t reach, double rate,
-                double least_value, double least_first, std::int64_t piece, int threads, Out<double> value, Out<double> first, Out<double> second) {
+                double least_value, double least_first, std::int64_t piece, int threads, Out<double> value,
+                Out<double> first, Out<double> second) {
   const Channels channels = channels_of(x);
   require(sections.size() > 0 && sections.size() % 3 == 0, "sections must be (k, 3)");
   require(0 < reach && reach < channels.samples, "the filter must settle within the samples");
@@ -22,7 +23,10 @@ void zero_phase(const std::string& isa, In<double> x, In<double> sections, std::
   require(value.size() == x.size(), "value must be (N, n)");
   require(first.size() == 0 || first.size() == x.size(), "first must be (N, n) or empty");
   require(second.size() == 0 || second.size() == x.size(), "second must be (N, n) or empty");
-  const Filter filter{sections.data(), static_cast<int>(sections.size() / 3), static_cast<std::ptrdiff_t>(reach), rate,
+  const Filter filter{sections.data(),
+                      static_cast<int>(sections.size() / 3),
+                      static_cast<std::ptrdiff_t>(reach),
+                      rate,
                       {least_value, least_first}};
   const Filtered out{value.data(), first.size() ? first.data() : nullptr, second.size() ? second.data() : nullptr};
   const Kernel& k = kernel(isa);
@@ -33,8 +37,8 @@ void zero_phase(const std::string& isa, In<double> x, In<double> sections, std::
   const auto work = [&](int w) {
     try {
       const std::ptrdiff_t begin = pieces * w / workers * piece;
-      const std::ptrdiff_t end = std::min(pieces * (w + 1) / workers * static_cast<std::ptrdiff_t>(piece),
-                                          channels.samples);
+      const std::ptrdiff_t end =
+          std::min(pieces * (w + 1) / workers * static_cast<std::ptrdiff_t>(piece), channels.samples);
       k.zero_phase(channels, filter, piece, begin, end, out);
     } catch (...) {
       failures[w] = std::current_exception();

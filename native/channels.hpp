@@ -253,11 +253,13 @@ inline void zero_phase(const Channels& x, const Filter& filter, std::ptrdiff_t p
   });
 }
 
-// Stores rows of a group that come one after another as rows of channels: out (n, stride), sample s in column s - begin.
+// Stores rows of a group that come one after another as rows of channels: out (n, stride), sample s in column s -
+// begin.
 template <int G>
 class Turned {
  public:
-  Turned(double* out, std::ptrdiff_t stride, int from, int width) : out_(out + from * stride), stride_(stride), width_(width) {}
+  Turned(double* out, std::ptrdiff_t stride, int from, int width)
+      : out_(out + from * stride), stride_(stride), width_(width) {}
 
   void add(const Group<G>& r) {
     for (int g = 0; g < G; ++g) held_[g][count_] = r.v[g];

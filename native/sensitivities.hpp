@@ -78,7 +78,7 @@ struct Cells {
 };
 
 // W steps, or fewer at the end, and where derivatives after every so many steps go.
-struct Rows {
+struct StepRange {
   std::ptrdiff_t first, count, every;
   double* out;
 };
@@ -114,7 +114,7 @@ class Sensitivities {
     }
     for (std::ptrdiff_t s = 0; s < N; s += W) {
       linearise(commands, N, q, dq, s);
-      const Rows rows{s, smaller(W, N - s), every, out};
+      const StepRange rows{s, smaller(W, N - s), every, out};
       by_size(n_, [&](auto of) { advance<of.size>(rows); });
     }
   }
@@ -258,7 +258,7 @@ class Sensitivities {
 
   // Through W steps. Few joints leave room to keep their derivatives in registers meanwhile.
   template <int J>
-  void advance(const Rows& rows) {
+  void advance(const StepRange& rows) {
     if constexpr (J > 0) {
       for (int block = 0; block < cells_.blocks; ++block) advance_register<J>(rows, block);
     } else {
@@ -280,7 +280,7 @@ class Sensitivities {
   }
 
   // Derivatives of joint i's position by a register of parameters, if they are wanted after step l.
-  void write(const Rows& rows, int l, int block, int i, V q) const {
+  void write(const StepRange& rows, int l, int block, int i, V q) const {
     const std::ptrdiff_t after = rows.first + l + 1;
     if (after % rows.every != 0) return;
     double* to = rows.out + ((after / rows.every - 1) * n_ + i) * wanted_.count;
@@ -288,7 +288,7 @@ class Sensitivities {
   }
 
   template <int J>
-  void advance_register(const Rows& rows, int block) {
+  void advance_register(const StepRange& rows, int block) {
     V q[J], v[J];
     double *at_q = &now_[block * W], *at_v = at_q + J * cells_.width;
 #pragma GCC unroll 8
