@@ -262,7 +262,8 @@ class _Passes:
         whole, weights = total(working), 1.0 / state.scale
         solution = Solution(whole, weights)
         A, _ = stack(whole, weights * np.sqrt(squares / kappa))  # mean ψ² for every mean ψ' of H
-        white = solution.inverse @ (A.T @ A) @ solution.inverse
+        half = A @ solution.inverse  # the product of a factor with itself has no negative variance
+        white = half.T @ half
         once = total(self.information)
         return replace(
             start,
