@@ -15,6 +15,8 @@ import numpy as np
 from armid import kernel
 from armid.checked_array import Array
 from armid.information.base_regressor_layout import ColumnSource
+from armid.kernel.channels.passes import filters_by_recursion
+from armid.kernel.channels.passes import zero_phase as zero_phase_differences
 from armid.maths.signals.decimation import coarsest_step, decimate, decimation_filter, decimation_step, interpolate
 from armid.maths.signals.zero_phase_filters import low_pass, periodic_filter, settling_samples, zero_phase
 from armid.measurement.low_pass_band import Band
@@ -35,7 +37,11 @@ def in_band(x: Array, rate: float, band: Band) -> Array:
     filter = low_pass(band.family, band.order, band.cutoff, rate)
     if filter is None:
         return x
-    return periodic_filter(filter, x) if band.edges == "periodic" else zero_phase(filter, x)
+    if band.edges == "periodic":
+        return periodic_filter(filter, x)
+    if x.ndim == 2 and filters_by_recursion(filter, len(x)):
+        return zero_phase_differences(filter, np.ascontiguousarray(x, dtype=np.float64), rate, 0)[0]
+    return zero_phase(filter, x)
 
 
 def filtered_torque(run: ObservedRun, band: Band) -> Array:

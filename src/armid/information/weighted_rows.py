@@ -1,14 +1,8 @@
-"""Information from weighted rows, computed in a new pass over the samples after each change of the weights.
-
-Every pass computes the rows again, in batches. The rows are stored between passes only if all of them fit into `KEPT`
-bytes. The memory therefore does not grow with the length of the recordings, and short recordings are filtered only
-once.
-"""
+"""Information from weighted rows, computed in a new pass over the rows after each change of the weights."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,77 +10,15 @@ from numpy.typing import NDArray
 from armid import kernel
 from armid.checked_array import Array
 from armid.information.base_regressor_layout import ColumnSource
-from armid.information.filtered_rows import rows
-from armid.information.hysteresis_states import with_hysteresis_states
 from armid.information.information import FactorOrigin, Information, JointFactors, merge
-from armid.measurement.observations import Observations, ObservedRun
-
-KEPT = 64_000_000
-"""Largest size of the rows that are stored between passes [bytes]: about 40 000 rows of a seven-joint arm."""
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Batch:
-    """Batch of consecutive filtered rows of a run on its output grid, which are computed together.
-
-    Attributes:
-        run: Index of the run.
-        begin: Index of the first row.
-        x: Columns and torque of all joints, shape (columns, M), as `armid.information.filtered_rows.rows` returns
-            them.
-        mask: Mask of the rows in use, shape (M, n).
-        block: Block of each row, shape (M,).
-    """
-
-    run: int
-    begin: int
-    x: Array
-    mask: NDArray[np.bool_]
-    block: NDArray[np.int64]
-
+from armid.information.kept_rows import Batch, KeptRows
+from armid.measurement.observations import ObservedRun
 
 Weigh = Callable[[Batch, int], Array]
 """Function that returns the weight of each row of a batch for one joint, shape (M,). Masked rows are never used."""
 
 
-class WeightedRows:
-    """Iterable over the batches of all rows of observations; it can be iterated several times.
-
-    Attributes:
-        source: Source of the columns.
-        observations: The runs with their samples; rows with unknown hysteresis states are masked.
-    """
-
-    def __init__(self, source: ColumnSource, observations: Observations) -> None:
-        self.source = source
-        runs = tuple(with_hysteresis_states(source.model, run, observations.band) for run in observations.runs)
-        self.observations = Observations(runs, observations.band)
-        self._kept: list[Batch] | None = None
-
-    def __iter__(self) -> Iterator[Batch]:
-        if self._kept is not None:
-            yield from self._kept
-            return
-        kept: list[Batch] | None = []
-        room = KEPT
-        for batch in self._made():
-            room -= batch.x.nbytes
-            if kept is not None:
-                kept.append(batch)
-            if room < 0:
-                kept = None
-            yield batch
-        self._kept = kept
-
-    def _made(self) -> Iterator[Batch]:
-        """Yields all batches, computed from the samples."""
-        for index, run in enumerate(self.observations.runs):
-            for begin, x in rows(self.source, run, self.observations.band):
-                end = begin + x.shape[1]
-                yield Batch(index, begin, x, run.mask[begin:end], run.block[begin:end])
-
-
-def weighted_information(every: WeightedRows, weigh: Weigh, *, blocks: bool = True) -> Information:
+def weighted_information(every: KeptRows, weigh: Weigh, *, blocks: bool = True) -> Information:
     """Information of the rows, each multiplied by the square root of its weight.
 
     Args:

@@ -79,7 +79,7 @@ class ObservedRun:
         return np.arange(self.offset, self.motion.samples, self.step)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
 class Observations:
     """Contiguous runs and the band in which torque and model are compared.
 

@@ -12,7 +12,8 @@ from armid.information import weighted_rows
 from armid.information.accumulate import accumulate_information
 from armid.information.base_regressor_layout import column_source
 from armid.information.information import total
-from armid.information.weighted_rows import Batch, WeightedRows, weighted_information
+from armid.information.kept_rows import Batch, KeptRows
+from armid.information.weighted_rows import weighted_information
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations
 from informed import EXACT, RATE, assert_products, assert_says, branching_arm, dense, recorded
@@ -45,7 +46,7 @@ def observations(band: Band | None = None) -> Observations:
 def test_weights_of_one_give_the_information_itself(band: Band):
     given = observations(band)
     expected = accumulate_information(MODEL, BASE, given)
-    found = weighted_information(WeightedRows(column_source(MODEL, BASE), given), once)
+    found = weighted_information(KeptRows(column_source(MODEL, BASE), given), once)
     for name in ("names", "rows", "run", "recording"):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
     for a, b in zip(found.joints, expected.joints, strict=True):
@@ -61,13 +62,13 @@ def test_rows_are_multiplied_by_the_roots_of_their_weights():
     def weigh(batch: Batch, joint: int) -> Array:
         return weights[batch.begin : batch.begin + len(batch.block), joint]
 
-    found = weighted_information(WeightedRows(column_source(MODEL, BASE), raw(run)), weigh)
+    found = weighted_information(KeptRows(column_source(MODEL, BASE), raw(run)), weigh)
     assert_says(found, dense(ARM, run) * np.sqrt(weights)[:, :, None], EXACT)
     np.testing.assert_array_equal(found.rows.sum(axis=0), len(run.block))  # rows, whatever their weight
 
 
 def test_a_run_as_one_block_says_the_same():
-    every = WeightedRows(column_source(MODEL, BASE), observations())
+    every = KeptRows(column_source(MODEL, BASE), observations())
     apart, together = (weighted_information(every, once, blocks=blocks) for blocks in (True, False))
     assert together.blocks == 2
     for a, b in zip(total(apart).joints, total(together).joints, strict=True):
@@ -76,10 +77,10 @@ def test_a_run_as_one_block_says_the_same():
 
 def test_rows_are_kept_only_while_they_are_few(monkeypatch: pytest.MonkeyPatch):
     source, given = column_source(MODEL, BASE), observations()
-    few = WeightedRows(source, given)
+    few = KeptRows(source, given)
     assert [id(batch) for batch in few] == [id(batch) for batch in few]
     monkeypatch.setattr(weighted_rows, "KEPT", 1000)
-    many = WeightedRows(source, given)
+    many = KeptRows(source, given)
     first = weighted_information(many, once)
     assert {id(batch.x) for batch in list(many)}.isdisjoint({id(batch.x) for batch in list(few)})
     assert first.joints[0].R.tobytes() == weighted_information(few, once).joints[0].R.tobytes()
@@ -87,6 +88,6 @@ def test_rows_are_kept_only_while_they_are_few(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_a_pass_that_was_broken_off_keeps_nothing():
-    every = WeightedRows(column_source(MODEL, BASE), observations())
+    every = KeptRows(column_source(MODEL, BASE), observations())
     next(iter(every))
     assert len(list(every)) == 2

@@ -37,9 +37,9 @@ from armid.estimation.friction_per_recording import separate_by_recording
 from armid.estimation.least_squares import Solution, solve
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.scale_covariance import scale_covariance
-from armid.information.base_regressor_layout import column_source
 from armid.information.information import Information, JointFactors, stack, total
-from armid.information.weighted_rows import Batch, WeightedRows, weighted_information
+from armid.information.kept_rows import Batch, KeptRows, kept_rows
+from armid.information.weighted_rows import weighted_information
 from armid.maths.median import median
 from armid.remedy import Remedy, setting
 from armid.threads import one_blas_thread
@@ -113,7 +113,7 @@ class RobustLeastSquares:
         """
         model, base, observations = problem.require_samples(self.name)
         start = WeightedLeastSquares().solve(problem)
-        passes = _Passes(problem, WeightedRows(column_source(model, base), observations))
+        passes = _Passes(problem, kept_rows(model, base, observations))
         huber = _Loss("huber", self.constant if self.loss == "huber" and self.constant else HUBER)
         found = self._settle(passes, huber, _State(start.values, passes.scale(start.values)), moving=True)
         if self.loss == "tukey":
@@ -181,7 +181,7 @@ class _State:
 class _Passes:
     """Computations that read all rows of a problem, batch by batch."""
 
-    def __init__(self, problem: EstimationProblem, every: WeightedRows) -> None:
+    def __init__(self, problem: EstimationProblem, every: KeptRows) -> None:
         self.information = problem.information
         self.every = every
         self.names = every.source.names

@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance_choice_thresholds import SAME_POSITIONS
-from armid.information.base_regressor_layout import ColumnSource, column_source
-from armid.information.filtered_rows import rows
-from armid.information.hysteresis_states import with_hysteresis_states
+from armid.information.base_regressor_layout import ColumnSource
+from armid.information.kept_rows import Batch, kept_rows
 from armid.maths.signals.fourier_transform import frequencies, spectrum
 from armid.measurement.observations import ObservedRun
 
@@ -121,30 +120,30 @@ def gather_bands(problem: EstimationProblem, values: Array) -> Iterator[Gathered
     model, base, observations = problem.require_samples("cover")
     information = problem.information
     values = np.broadcast_to(values, (information.n, information.count))
-    source = column_source(model, base)
+    every = kept_rows(model, base, observations)
+    source = every.source
     widths = [len(joint.parameters) for joint in information.joints]
-    for given in observations.runs:
-        run = with_hysteresis_states(model, given, observations.band)
+    for index, run in enumerate(every.observations.runs):
         parameters = column_numbers(source, information.names, run)
         places = [
             start + np.searchsorted(joint.parameters, own)
             for start, joint, own in zip(np.cumsum([0, *widths]), information.joints, parameters, strict=False)
         ]
-        chunks = _with_residuals(rows(source, run, observations.band), source, parameters, values)
+        chunks = _with_residuals(every.of_run(index), source, parameters, values)
         yield from _gather_run(run, chunks, places, widths)
 
 
 def _with_residuals(
-    chunks: Iterator[tuple[int, Array]], source: ColumnSource, parameters: list[NDArray[np.int64]], values: Array
+    batches: Iterator[Batch], source: ColumnSource, parameters: list[NDArray[np.int64]], values: Array
 ) -> Iterator[tuple[int, list[Array], Array]]:
-    """Yields for each chunk of M rows the first row, the columns of each joint j (k_j, M) and residuals (n, M)."""
-    for begin, x in chunks:
-        blocks = [x[a:b] for a, b in itertools.pairwise(source.layout.offset)]
+    """Yields for each batch of M rows the first row, the columns of each joint j (k_j, M) and residuals (n, M)."""
+    for batch in batches:
+        blocks = [batch.x[a:b] for a, b in itertools.pairwise(source.layout.offset)]
         residual = [
             block[-1] - joint_values[own] @ block[:-1]
             for block, joint_values, own in zip(blocks, values, parameters, strict=True)
         ]
-        yield begin, [block[:-1] for block in blocks], np.array(residual)
+        yield batch.begin, [block[:-1] for block in blocks], np.array(residual)
 
 
 def band_products(problem: EstimationProblem, values: Array) -> BandProducts:

@@ -18,9 +18,7 @@ from armid.checked_array import Array
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance_choice_thresholds import MIN_INFORMATION, SLOW_SHARE
 from armid.estimation.uncertainty.cross_products_by_frequency import column_numbers
-from armid.information.base_regressor_layout import column_source
-from armid.information.filtered_rows import rows
-from armid.information.hysteresis_states import with_hysteresis_states
+from armid.information.kept_rows import kept_rows
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 from armid.measurement.processing.row_mask import LOBE_HALF_WIDTH
@@ -97,14 +95,15 @@ def _rows_away_from_reversals(
         Index of the joint, indices of its k parameters, columns (k, M) and torque (M,) of M rows.
     """
     model, base, observations = problem.require_samples("cover")
-    source = column_source(model, base)
-    for given in observations.runs:
-        run = with_hysteresis_states(model, given, observations.band)
+    every = kept_rows(model, base, observations)
+    source = every.source
+    for index, run in enumerate(every.observations.runs):
         column_map = column_numbers(source, problem.information.names, run)
         counts = run.mask & _is_away(run, observations.band)
-        for begin, x in rows(source, run, observations.band):
+        for batch in every.of_run(index):
+            x, chosen = batch.x, counts[batch.begin : batch.begin + batch.x.shape[1]]
             for j, (first, last) in enumerate(zip(source.layout.offset, source.layout.offset[1:], strict=False)):
-                block = weights[j] * x[first:last][:, counts[begin : begin + x.shape[1], j]]
+                block = weights[j] * x[first:last][:, chosen[:, j]]
                 yield j, column_map[j], block[:-1], block[-1]
 
 

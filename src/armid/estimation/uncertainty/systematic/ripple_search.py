@@ -26,9 +26,7 @@ from armid.checked_array import Array
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.cross_products_by_frequency import column_numbers, find_periods
 from armid.estimation.uncertainty.systematic.systematic_errors import ErrorKind, part_seconds, parts_of_rows
-from armid.information.base_regressor_layout import column_source
-from armid.information.filtered_rows import rows
-from armid.information.hysteresis_states import with_hysteresis_states
+from armid.information.kept_rows import kept_rows
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 
@@ -206,17 +204,17 @@ def _residuals(problem: EstimationProblem, values: Array, weights: Array, larges
         largest: Largest weighted residual of a row that is used; infinite for all rows.
     """
     model, base, observations = problem.require_samples("cover")
-    source, band = column_source(model, base), observations.band
+    every, band = kept_rows(model, base, observations), observations.band
+    source = every.source
     seconds = part_seconds(observations.runs)
     parts: list[list[tuple[Array, Array, Array, NDArray[np.int64]]]] = [[] for _ in range(model.n)]
     first = 0
-    for given in observations.runs:
-        run = with_hysteresis_states(model, given, band)
+    for index, run in enumerate(every.observations.runs):
         parameters = column_numbers(source, problem.information.names, run)
         part = first + _part_of_motion(run, seconds)
         first = int(part.max()) + 1
-        for begin, x in rows(source, run, band):
-            end = begin + x.shape[1]
+        for batch in every.of_run(index):
+            x, begin, end = batch.x, batch.begin, batch.begin + batch.x.shape[1]
             chosen = run.rows[begin:end]
             for j, (a, b) in enumerate(itertools.pairwise(source.layout.offset)):
                 residual = x[b - 1] - values[j, parameters[j]] @ x[a : b - 1]

@@ -27,10 +27,9 @@ from armid import kernel
 from armid.checked_array import Array
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.cross_products_by_frequency import column_numbers
-from armid.information.base_regressor_layout import ColumnSource, column_source
-from armid.information.filtered_rows import rows
+from armid.information.base_regressor_layout import ColumnSource
 from armid.information.filtering import in_band
-from armid.information.hysteresis_states import with_hysteresis_states
+from armid.information.kept_rows import kept_rows
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
 from armid.model.motion import Motion
@@ -151,20 +150,19 @@ def error_products(
         largest: Largest weighted residual of a row that is used; infinite for all rows.
     """
     model, base, observations = problem.require_samples("cover")
-    source = column_source(model, base)
+    every = kept_rows(model, base, observations)
+    source = every.source
     seconds = part_seconds(observations.runs)
     found: list[Array] = []
-    for given in observations.runs:
-        run = with_hysteresis_states(model, given, observations.band)
+    for index, run in enumerate(every.observations.runs):
         parameters = column_numbers(source, problem.information.names, run)
         errors = _error_columns(source, run, observations.band, kinds, parameters, values)
         part = parts_of_rows(run, seconds)
         u = values.shape[1] if column_maps is None else column_maps[0].shape[1]
         sums = np.zeros((int(part[-1]) + 1, u + len(kinds), u + len(kinds) + 1))
-        for begin, x in rows(source, run, observations.band):
-            _add_products(
-                sums, part, begin, x, _Columns(source, run, parameters, values, weights, errors, column_maps, largest)
-            )
+        columns = _Columns(source, run, parameters, values, weights, errors, column_maps, largest)
+        for batch in every.of_run(index):
+            _add_products(sums, part, batch.begin, batch.x, columns)
         found.append(sums)
     whole = np.concatenate(found)
     m = len(kinds)
