@@ -41,7 +41,7 @@ def servo_model(robot: Robot) -> ServoModel:
 def unlike(bodies: Array, rng: np.random.Generator) -> Array:
     """Inertial parameters (n, 10) of possible links that differ from `bodies` by about 10 %, with medians at them.
 
-    A factor with independent entries would make links 5 % heavier on average, as the squares of its entries add up.
+    A factor with independent entries would make links 4 % heavier on average, as the squares of its entries add up.
     """
     factors = np.tile(np.eye(4), (len(bodies), 1, 1))
     lengths = np.ones((len(bodies), 4))

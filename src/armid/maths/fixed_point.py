@@ -29,7 +29,7 @@ class FixedPoint:
         x: The point, shape (n,).
         step: Largest absolute coordinate of g(x) - x.
         iterations: Number of evaluations of g.
-        settled: True if the step is at most the tolerance, or if rounding errors limit it and it is still small.
+        settled: True if the step is within the tolerance, or if rounding errors limit it and it is still small.
     """
 
     x: Array
@@ -39,7 +39,11 @@ class FixedPoint:
 
 
 def fixed_point(
-    g: Callable[[Array], Array], start: Array, tolerance: float, most: int, limited: float = 0.0
+    g: Callable[[Array], Array],
+    start: Array,
+    tolerance: Callable[[Array], Array],
+    most: int,
+    limited: float = 0.0,
 ) -> FixedPoint:
     """Finds a fixed point of a function.
 
@@ -49,7 +53,7 @@ def fixed_point(
     Args:
         g: Function of a point, shape (n,), with a value of the same shape.
         start: First point, shape (n,).
-        tolerance: Largest absolute coordinate of a step at which the iteration ends.
+        tolerance: Largest absolute coordinates of a step at which the iteration ends, as a function of the point.
         most: Largest number of evaluations of g.
         limited: Largest absolute coordinate of a step that is accepted where rounding errors prevent shorter ones.
 
@@ -65,7 +69,7 @@ def fixed_point(
         value = g(x)
         step, before = value - x, size
         size = float(np.abs(step).max(initial=0.0))
-        if size <= tolerance:
+        if (np.abs(step) <= tolerance(x)).all():
             return FixedPoint(x, size, k + 1, True)
         since = 0 if size < 0.5 * best else since + 1
         if size < best:

@@ -67,7 +67,10 @@ class WeightedLeastSquares:
             solution = Solution(whole, np.exp(-logarithms))
             return np.log(np.maximum(residual_deviation(solution, whole), floor))
 
-        found = fixed_point(updated, np.zeros(whole.n), STANDSTILL, self.iterations, LIMITED)
+        def tolerance(logarithms: Array) -> Array:
+            return STANDSTILL + floor * np.exp(-logarithms)
+
+        found = fixed_point(updated, np.zeros(whole.n), tolerance, self.iterations, LIMITED)
         if found.settled and solution is not None:
             return fit_of(solution, np.exp(-found.x), solution.inverse)
         raise EstimationError(
