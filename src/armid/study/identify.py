@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
+from armid.estimation.catalogue import Estimator
 from armid.estimation.estimate_record import Estimate
 from armid.estimation.friction.selection import FrictionSelection
 from armid.information.information import Information
@@ -92,8 +93,15 @@ def identify(
 
 
 @one_blas_thread
-def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
+def conclude(
+    prepared: Prepared, *, progress: Progress | None = None, method: Estimator | None = None
+) -> Result:
     """Estimates the parameters of a prepared study, and validates them on the study's validation recordings.
+
+    Args:
+        prepared: The prepared study.
+        progress: Function that is called with the name of each stage and the share of the stage that is done.
+        method: Estimator; if not given, that of the study.
 
     Raises:
         EstimationError: The data do not determine the parameters.
@@ -103,7 +111,7 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     robot = model.robot
     information = prepared.problem.information
     tell("estimation", 0.0)
-    estimate = estimate_prepared(prepared)
+    estimate = estimate_prepared(prepared, method)
     chosen = prepared.friction_selection is not None
     remarks = plausibility_findings(model, information, stated_problem(prepared), estimate.fit, chosen=chosen)
     one_sided = one_sided_filter_finding(information, prepared.problem, estimate.fit)
@@ -111,7 +119,7 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     findings = [*on_recordings, *estimate.findings, *remarks]
     tell("validation", 0.0)
     estimate, left_out = with_left_out(
-        estimate, prepared.problem, partial(separated_problem, prepared), build_estimator(study.estimation)
+        estimate, prepared.problem, partial(separated_problem, prepared), method or build_estimator(study.estimation)
     )
     train = of_role(recordings, "train")
     predictions = {each: predict_recording(model, estimate, each.observations) for each in recordings}

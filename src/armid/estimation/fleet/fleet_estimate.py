@@ -8,14 +8,14 @@ scatter, and the estimate is repeated.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array, array
 from armid.errors import EstimationError
-from armid.estimation.fleet.between_units import FREE, STEPS, Population, common_names, estimate_population
+from armid.estimation.fleet.between_units import FREE, LEAST, STEPS, Population, common_names, estimate_population
 from armid.estimation.fleet.elimination import Common, eliminate, left_out_factors, solve_common
 from armid.estimation.fleet.layout import FleetLayout, fleet_layout
 from armid.estimation.fleet.odd_units import (
@@ -44,6 +44,10 @@ FIRST_OWN, FIRST_SCALE, NO_SCALE = 0.3, 0.05, 1e-6
 """First standard deviations between units: effect of an own parameter on the RMS torque; torque scale; torque scale in
 the first round, in which the predicted torque is not known yet."""
 
+AGAIN = 0.1
+"""Share of the first standard deviations from which a round starts at least. The algorithm approaches a variance from
+above in few steps; from far below it would need many."""
+
 REPEATS = 8
 """Largest number of estimates with other odd units left out."""
 
@@ -68,6 +72,7 @@ class FleetEstimate:
         odd: Own unknowns that differ from the other units, the least probable first.
         odd_bodies: Units whose bodies differ from the other units.
         own: Names of the own unknowns, m of them.
+        joint: Joint to which each own unknown belongs, from 0, shape (m,).
     """
 
     units: tuple[str, ...]
@@ -81,6 +86,7 @@ class FleetEstimate:
     odd: tuple[OddUnknown, ...] = ()
     odd_bodies: tuple[OddBodies, ...] = ()
     own: tuple[str, ...] = ()
+    joint: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "units", tuple(self.units))
@@ -147,6 +153,7 @@ class _Fleet:
         values: Base parameters of each unit, shape (U, b).
         scale: Torque scales, shape (U, n).
         deviation: Standard deviation of each own unknown between units, shape (m,).
+        first: First standard deviation of each own unknown between units, shape (m,).
         stage: Number of rounds that were made.
     """
 
@@ -162,9 +169,10 @@ class _Fleet:
         self.kept = np.ones((count, layout.count), dtype=np.bool_)
         self.bodies = np.ones(count, dtype=np.bool_)
         size = self._own_sizes()
-        self.deviation = np.concatenate([FIRST_OWN * size, np.full(n, NO_SCALE)])
+        self.first = np.concatenate([FIRST_OWN * size, np.full(n, FIRST_SCALE)])
+        self.deviation = self.first.copy()
         self.stage = 0
-        self.least = np.concatenate([1e-4 * size, np.full(n, NO_SCALE)])
+        self.least = LEAST * self.first
 
     def _own_sizes(self) -> Array:
         """Size of each own parameter that has the RMS torque of its joint, shape (d,)."""
@@ -209,14 +217,16 @@ class _Fleet:
         """Estimates noise, torque scales, scatter and parameters in turn until they no longer change."""
         for round_number in range(ROUNDS):
             rows = self._unit_rows()
-            start = np.maximum(self.deviation, 3.0 * self.least)
-            steps = 0 if self.stage == 0 else STEPS  # without predicted torques, noise and scales are not known
+            start = np.maximum(self.deviation, AGAIN * self.first)
+            steps = STEPS
+            if self.stage == 0:  # without predicted torques, noise and scales are not known
+                steps, start[len(self.layout.own) :] = 0, NO_SCALE
             population = estimate_population(
                 rows, self.layout, start, self.least, self._masks(), usual=self.bodies, steps=steps
             )
             self.deviation = population.deviation.copy()
             if self.stage == 0:
-                self.deviation[len(self.layout.own) :] = FIRST_SCALE
+                self.deviation = self.first.copy()
             elif self.stage == 1:
                 self.kept = robust_start(population.own, population.squares - population.own**2)
             self.stage += 1
@@ -405,5 +415,6 @@ class _Fleet:
             tuple(odd[0]),
             tuple(odd[1]),
             self.layout.own_names,
+            self.layout.joint.astype(np.int64),
         )
         return FleetResult(estimate, {name: priors[self.names.index(name)] for name in order}, self.layout)
