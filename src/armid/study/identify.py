@@ -93,9 +93,7 @@ def identify(
 
 
 @one_blas_thread
-def conclude(
-    prepared: Prepared, *, progress: Progress | None = None, method: Estimator | None = None
-) -> Result:
+def conclude(prepared: Prepared, *, progress: Progress | None = None, method: Estimator | None = None) -> Result:
     """Estimates the parameters of a prepared study, and validates them on the study's validation recordings.
 
     Args:

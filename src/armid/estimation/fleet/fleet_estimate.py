@@ -320,7 +320,9 @@ class _Fleet:
             after = np.append(np.diag(found.covariance)[layout.own], found.scale_deviation**2)
             # An unknown that was left out has a wide distribution here; it is compared with that of the others.
             others = mask.sum(axis=0) - mask[u]
-            squares = np.where(mask, population.squares, 0.0).sum(axis=0) - np.where(mask[u], population.squares[u], 0.0)
+            squares = np.where(mask, population.squares, 0.0).sum(axis=0) - np.where(
+                mask[u], population.squares[u], 0.0
+            )
             usual = np.maximum(squares / np.maximum(others, 1), self.least**2)
             between = np.where(self.kept[u], usual, FREE**2 * usual)
             noise = np.where(after < width, after * width / np.maximum(width - after, 1e-12 * width), np.inf)
@@ -376,9 +378,7 @@ class _Fleet:
             effect = self._effects(u, change[u])
             j = int(np.argmax(effect))
             if effect[j] >= BODY_EFFECT:
-                found.append(
-                    OddBodies(self.names[u], j, float(effect[j]), float(ratio[u]), float(probability[u]))
-                )
+                found.append(OddBodies(self.names[u], j, float(effect[j]), float(ratio[u]), float(probability[u])))
         return found
 
     def _effects(self, u: int, change: Array) -> Array:

@@ -122,7 +122,9 @@ def update_unit(prior: FleetPrior, information: Information, layout: FleetLayout
         ordered[:, b:] = rows[:, d:m]
         ordered[:, layout.shared] = rows[:, m:-1]
         side = rows[:, -1] + ordered[:, b:] @ np.ones(n) - ordered @ mean
-        R = np.linalg.qr(np.concatenate([np.column_stack([ordered @ root, side]), np.eye(b + n, b + n + 1)]), mode="r")
+        R = np.linalg.qr(
+            np.concatenate([np.column_stack([ordered @ root, side]), np.eye(b + n, b + n + 1)]), mode="r"
+        )
         inner = np.linalg.inv(R[: b + n, : b + n])
         found = mean + root @ (inner @ R[: b + n, -1])
         change = np.abs(found[b:] - scale).max()

@@ -36,7 +36,9 @@ def _unknown(odd: OddUnknown, robot: Robot) -> Finding:
     )
     remedy = f"check the gear, drive and torque sensor of joint {joint} of unit {odd.unit}."
     if odd.parameter.startswith("scale"):
-        remedy = f"check the torque constant or torque sensor of joint {joint} of unit {odd.unit}, and its unit of torque."
+        remedy = (
+            f"check the torque constant or torque sensor of joint {joint} of unit {odd.unit}, and its unit of torque."
+        )
     return Finding("unit-odd", "warning", joint, evidence, remedy)
 
 

@@ -54,5 +54,7 @@ def fleet_rows(fleet: FleetIdentification) -> tuple[FleetRow, ...]:
                 j = int(estimate.joint[k])
                 value, half, unit = estimate.scale[u, j], NORMAL * estimate.scale_deviation[u, j], ""
             is_odd = (name, parameter) in odd
-            rows.append(FleetRow(name, joint, parameter, float(value), float(half), unit, estimate.score[u, k], is_odd))
+            rows.append(
+                FleetRow(name, joint, parameter, float(value), float(half), unit, estimate.score[u, k], is_odd)
+            )
     return tuple(rows)

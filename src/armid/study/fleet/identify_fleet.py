@@ -23,7 +23,7 @@ from armid.robot import Robot
 from armid.study.config import Study
 from armid.study.fleet.fleet_file import FleetChoice
 from armid.study.fleet.fleet_findings import fleet_findings
-from armid.study.fleet.unit_result import conclude_unit
+from armid.study.fleet.unit_result import concluded_unit
 from armid.study.identify import Result
 from armid.study.prepare import Prepared, prepare
 from armid.study.progress import Progress, no_progress
@@ -123,7 +123,7 @@ def _concluded(task: tuple[Prepared, FleetPrior, str]) -> Result:
     prepared, prior, name = task
     with _named(name):
         layout = fleet_layout(prepared.problem.information, np.isin(prior.names, prior.own))
-        return conclude_unit(prepared, prior, layout)
+        return concluded_unit(prepared, prior, layout)[1]
 
 
 @contextmanager
