@@ -50,7 +50,9 @@ def write_fleet_page(
     if changes is not None:
         tables.insert(1, _changes(changes, since))
     content = {"findings": [(each.severity, each.code, each.channel, each.evidence) for each in fleet.findings]}
-    section = Section("Units", content, tuple(tables), _plots(fleet, rows), (("measured", "unit"),), "fleet.html")
+    section = Section(
+        "Units", content, tuple(tables), _plots(fleet, rows), (("training", "parameter of a unit"),), "fleet.html"
+    )
     return write_html(path, assemble(f"{fleet.robot.name}: fleet", subtitle, {"fleet": section}, with_plots=True))
 
 
@@ -161,7 +163,7 @@ def _plots(fleet: FleetIdentification, rows: tuple[FleetRow, ...]) -> tuple[tupl
         at = np.array([number[row.of] for row in own])
         score = np.array([row.score for row in own])
         largest = f"largest {short(float(np.abs(score).max()), 2)} standard deviations"
-        trace = points("measured", at, score, "unit")
+        trace = points("training", at, score, "unit")
         title = "Difference from the other units"
         plot = Plot(f"fleet-{j}", title, largest, "unit, in the order of the table", "standard deviations", (trace,))
         result.append((joint, (plot,)))

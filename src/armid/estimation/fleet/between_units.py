@@ -67,6 +67,7 @@ def estimate_population(
     kept: NDArray[np.bool_],
     *,
     usual: NDArray[np.bool_] | None = None,
+    assumed: Array | None = None,
     steps: int = STEPS,
 ) -> Population:
     """Estimates common unknowns and variances between units.
@@ -78,17 +79,20 @@ def estimate_population(
         least: Smallest standard deviations, shape (m,).
         kept: Mask of the own unknowns that count for means and variances, shape (U, m).
         usual: Mask of the units that count for the shared parameters, shape (U,); all if not given.
+        assumed: Number of units that each variance counts in addition, and sum of their squared deviations, shape
+            (2, m); none if not given.
         steps: Largest number of steps; 0 for the first standard deviations.
 
     Raises:
         EstimationError: The units do not determine all common unknowns.
     """
     deviation = start
-    number = np.maximum(kept.sum(axis=0), 1)
+    more, squares = np.zeros((2, layout.count)) if assumed is None else assumed
+    number = np.maximum(kept.sum(axis=0) + more, 1)
     counted = np.ones(len(rows), dtype=np.bool_) if usual is None else usual
     found = _at(rows, layout, deviation, kept, counted)
     for _ in range(steps):
-        updated = np.maximum(np.sqrt(np.where(kept, found.squares, 0.0).sum(axis=0) / number), least)
+        updated = np.maximum(np.sqrt((np.where(kept, found.squares, 0.0).sum(axis=0) + squares) / number), least)
         change = np.abs(np.log(updated / deviation)).max()
         deviation = updated
         found = _at(rows, layout, deviation, kept, counted)

@@ -1,9 +1,9 @@
 """Elimination of the own unknowns of each unit from a fleet, and merging of what remains.
 
-The normal matrix of a fleet has the form of an arrow: own unknowns of different units meet only in the common unknowns
-(shared parameters and means). Therefore the own unknowns are eliminated unit by unit, by QR factorisations of their
-small factors, and only triangular factors of the common unknowns are merged. Merging is associative, so a fleet
-without one of its units is the merge of the units before and after it; nothing is subtracted.
+The normal matrix of a fleet has the form of an arrow: own unknowns of different units meet only in the common
+unknowns (shared parameters and means). Therefore the own unknowns are eliminated unit by unit, by QR factorisations
+of their small factors, and only triangular factors of the common unknowns are merged. Merging is associative, so a
+fleet without one of its units is the merge of the units before and after it; nothing is subtracted.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Rows of one unit of a fleet, made from its triangular factors: own unknowns first, then the shared parameters.
 
-The torque of joint j of a unit is κ_j (R_j π) + noise, with the torque scale κ_j of the unit, the triangular factor R_j
-and the base parameters π, of which a part is common to all units. At given π and κ, the rows are linear in all
+The torque of joint j of a unit is κ_j (R_j π) + noise, with the torque scale κ_j of the unit, the triangular factor
+R_j and the base parameters π, of which a part is common to all units. At given π and κ, the rows are linear in all
 unknowns: the columns of π are multiplied by κ_j, and the column of the scale is the predicted torque R_j π.
 """
 

@@ -1,7 +1,8 @@
 """Fleet file: the units of one type of arm and their recordings, as a file `FLEET.toml` contains them.
 
 The tables `[robot]`, `[model]` and `[processing]` are those of a `study.toml` and hold for all units, as do the keys
-of a recording in `[reading]`. Each `[[unit]]` has a name and recordings. Paths are relative to the folder of the file.
+of a recording in `[reading]`. Each `[[unit]]` has a name and recordings. Paths are relative to the folder of the
+file.
 """
 
 from __future__ import annotations

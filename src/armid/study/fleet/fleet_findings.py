@@ -31,8 +31,8 @@ def _unknown(odd: OddUnknown, robot: Robot) -> Finding:
     joint = robot.joints[odd.joint].name
     size = f"{odd.value:.4g}, but {odd.expected:.4g} ± {odd.deviation:.2g} (standard deviation) in the other units"
     evidence = (
-        f"unit {odd.unit}: {odd.parameter} is {size}; {abs(odd.score):.1f} standard deviations apart. A fleet without "
-        f"odd units has such a finding with a probability of {100.0 * FALSE_ALARM:g} %."
+        f"unit {odd.unit}: {odd.parameter} is {size}; {abs(odd.score):.1f} standard deviations apart. A fleet "
+        f"without odd units has such a finding with a probability of {100.0 * FALSE_ALARM:g} %."
     )
     remedy = f"check the gear, drive and torque sensor of joint {joint} of unit {odd.unit}."
     if odd.parameter.startswith("scale"):
@@ -46,8 +46,9 @@ def _bodies(odd: OddBodies, robot: Robot) -> Finding:
     """Finding about a unit whose bodies differ from the other units."""
     joint = robot.joints[odd.joint].name
     evidence = (
-        f"unit {odd.unit}: its bodies differ from those of the other units. Their torques differ most at this joint, by "
-        f"{100.0 * odd.effect:.2g} % of its RMS torque; the squared difference is {odd.ratio:.3g} times the expected one."
+        f"unit {odd.unit}: its bodies differ from those of the other units. The torques differ most at this joint, "
+        f"by {100.0 * odd.effect:.2g} % of its RMS torque; the squared difference is {odd.ratio:.3g} times the "
+        "expected one."
     )
     remedy = f"check what unit {odd.unit} carries at joint {joint} and beyond it: tool, cables, or another version."
     return Finding("unit-bodies-odd", "warning", joint, evidence, remedy)
