@@ -50,9 +50,7 @@ def write_fleet_page(
     if changes is not None:
         tables.insert(1, _changes(changes, since))
     content = {"findings": [(each.severity, each.code, each.channel, each.evidence) for each in fleet.findings]}
-    section = Section(
-        "Units", content, tuple(tables), _plots(fleet, rows), (("training", "parameter of a unit"),), "fleet.html"
-    )
+    section = Section("Units", content, tuple(tables), _plots(fleet, rows), (("training", "parameter of a unit"),))
     return write_html(path, assemble(f"{fleet.robot.name}: fleet", subtitle, {"fleet": section}, with_plots=True))
 
 

@@ -225,12 +225,14 @@ def _identified(
     from armid.study.prepare import prepare
 
     if fleet is not None:
+        from armid.runs.fleet.new_unit import study_like_fleet
         from armid.runs.fleet.stored_fleet import load_fleet
         from armid.study.fleet.unit_result import identify_unit
 
-        prior = load_fleet(fleet).estimate.prior
+        stored = load_fleet(fleet)
+        study = study_like_fleet(study, stored)
         with progress(quiet=quiet) as tell:
-            return *identify_unit(study, prior, threads=threads, progress=tell), None
+            return *identify_unit(study, stored.estimate.prior, threads=threads, progress=tell), None
     with progress(quiet=quiet) as tell:
         prepared = prepare(study, threads=threads, progress=tell)
         result = conclude(prepared, progress=tell)
