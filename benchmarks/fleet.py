@@ -2,8 +2,9 @@
 
 Each fleet has units of one arm with the same bodies. Friction and offsets of each unit are drawn, and so are its
 torque scales and, with --zero, the zero errors of its positions; the noise of the torque is coloured. One unit is odd
-in one joint: its friction is larger by a factor. Measured are the share of own parameters inside their 95 % intervals, odd units
-found and named falsely, and the error on unseen motion of a new unit: 3 s with the fleet as prior against 20 s alone.
+in one joint: its friction is larger by a factor. Measured are the share of own parameters inside their intervals, odd
+units found and named falsely, and the error on unseen motion of a new unit: 3 s with the fleet as prior against
+20 s alone.
 """
 
 from __future__ import annotations

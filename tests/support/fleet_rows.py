@@ -70,7 +70,11 @@ def drawn_fleet(
         name = f"u{u:02d}"
         number = np.full((blocks, joints), rows)
         fleet.units[name] = Information(
-            tuple(names), tuple(factors), number, np.zeros(blocks), np.zeros(blocks)  # pyright: ignore
+            tuple(names),
+            tuple(factors),
+            number,
+            np.zeros(blocks),
+            np.zeros(blocks),  # pyright: ignore
         )
         fleet.values[name], fleet.scale[name] = values, scale
     return fleet

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from tests.support.labs import SENSORS, small_model, small_plan, small_truth, write_arm, write_recording
 
 from armid.checked_array import Array
 from armid.lab.inverse_dynamics_recording import Sensors, record
 from armid.measurement.recording import Recording
 from armid.model.dynamics_model import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, Viscous
+from labs import SENSORS, small_model, small_plan, small_truth, write_arm, write_recording
 
 SPREAD, SCALE_SPREAD, OFFSET_SPREAD = 0.15, 0.02, 0.2
 """Standard deviation between units: of friction, relative; of torque scales; of offsets [N·m]."""

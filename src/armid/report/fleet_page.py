@@ -45,7 +45,7 @@ def write_fleet_page(
     rows = fleet_rows(fleet)
     odd = {row.of for row in rows if row.odd} | {each.unit for each in fleet.estimate.odd_bodies}
     units = plural(len(fleet.results), "unit")
-    subtitle = f"{units}, {len(odd)} odd; {len(fleet.estimate.own)} parameters and torque scales of each unit"
+    subtitle = f"{units}, {len(odd)} odd; {len(fleet.estimate.own.names)} parameters and torque scales of each unit"
     tables = [_units(fleet, rows), _own(rows), _shared(fleet)]
     if changes is not None:
         tables.insert(1, _changes(changes, since))
@@ -110,7 +110,7 @@ def _own(rows: tuple[FleetRow, ...]) -> Table:
 
 def _shared(fleet: FleetIdentification) -> Table:
     """Table of the shared parameters."""
-    prior, own = fleet.estimate.prior, set(fleet.estimate.own)
+    prior, own = fleet.estimate.prior, set(fleet.estimate.prior.own)
     deviation = np.sqrt(np.diag(prior.covariance))
     columns = (Column("parameter", words=True), Column("value ± 95 %"), Column("unit", words=True))
     cells = [

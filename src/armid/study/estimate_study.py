@@ -23,8 +23,11 @@ from armid.study.prepare import Prepared, stated_problem
 from armid.study.recordings.processed import ProcessedRecording
 from armid.study.selection_prior_options import with_origin_of_weight
 
+StudyEstimator = Estimator
+"""Estimator that replaces the estimator of a study."""
 
-def estimate_prepared(prepared: Prepared, method: Estimator | None = None) -> Estimate:
+
+def estimate_prepared(prepared: Prepared, method: StudyEstimator | None = None) -> Estimate:
     """Estimates the parameters of a prepared study with an estimator; if not given, with that of the study.
 
     Raises:
@@ -44,7 +47,7 @@ def estimate_study(
     base: BaseParameters,
     problem: EstimationProblem,
     recordings: Sequence[ProcessedRecording],
-    method: Estimator | None = None,
+    method: StudyEstimator | None = None,
 ) -> Estimate:
     """Estimates the parameters with the method of a study; the estimate also contains digests of all its inputs.
 

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
-from armid.estimation.catalogue import Estimator
 from armid.estimation.estimate_record import Estimate
 from armid.estimation.friction.selection import FrictionSelection
 from armid.information.information import Information
@@ -17,7 +16,7 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.notebook_display import Displayed, Summary
 from armid.robot import Robot
 from armid.study.config import Study, build_estimator
-from armid.study.estimate_study import estimate_prepared
+from armid.study.estimate_study import StudyEstimator, estimate_prepared
 from armid.study.plausibility.estimate_findings import plausibility_findings
 from armid.study.plausibility.one_sided_filter import one_sided_filter_finding
 from armid.study.plausibility.recording_errors import contradicted
@@ -93,7 +92,7 @@ def identify(
 
 
 @one_blas_thread
-def conclude(prepared: Prepared, *, progress: Progress | None = None, method: Estimator | None = None) -> Result:
+def conclude(prepared: Prepared, *, progress: Progress | None = None, method: StudyEstimator | None = None) -> Result:
     """Estimates the parameters of a prepared study, and validates them on the study's validation recordings.
 
     Args:

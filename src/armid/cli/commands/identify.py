@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from armid.cli.commands.report import NoReport, write_page
+from armid.cli.fleets.new_unit import Fleet, identified_with_fleet
 from armid.cli.log_format_options import PRESET_NAMES, Columns, Period, Rate, TimeUnit, TorqueSign, Units, given
 from armid.cli.options import (
     BASE_TERMS,
@@ -29,7 +30,6 @@ from armid.cli.options import (
 )
 from armid.cli.study_arguments import OF_ONE, study_of
 from armid.cli.value_completion import among
-from armid.errors import StudyError
 from armid.estimation.catalogue import ESTIMATORS
 
 if TYPE_CHECKING:
@@ -124,10 +124,7 @@ def identify(
     standstill: Standstill = None,
     method: Method = None,
     compare: Annotated[bool, typer.Option("--compare", help="Also print a table of all methods.")] = False,
-    fleet: Annotated[
-        str | None,
-        typer.Option("--fleet", metavar="DIR", help="Fleet whose bodies and friction are the prior of this arm."),
-    ] = None,
+    fleet: Fleet = None,
     threads: Threads = 1,
     no_report: NoReport = False,
     verbose: Verbose = False,
@@ -156,12 +153,7 @@ def identify(
     study = study_of(inputs, validate or [], reading, (gravity, lock, only, tip, package), terms)
     processing = {"cutoff": _cutoff(cutoff), "edges": edges, "slow": slow, "standstill": standstill}
     study = _overridden(study, processing_preset, processing, method)
-    if fleet is not None and (compare or method is not None):
-        raise StudyError(
-            f"--fleet and {'--compare' if compare else '--method'} are both given.",
-            remedy="leave one of them out; with --fleet, the method is least squares with the fleet as prior.",
-        )
-    prepared, result, table = _identified(study, threads, fleet, compare=compare, quiet=json)
+    prepared, result, table = _identified(study, threads, fleet, compare=compare, chosen=method, quiet=json)
     print_findings(_shared_format_finding(study, validate or []))
     run, replaced = _save(result, table, out)
     _print(result, table, Path(run.folder), verbose=verbose, json=json)
@@ -178,7 +170,7 @@ def _presets(names: list[str]) -> tuple[str | None, str | None]:
     Raises:
         StudyError: A name is unknown, or two presets of log formats are given.
     """
-    from armid.errors import did_you_mean
+    from armid.errors import StudyError, did_you_mean
 
     known = (THESIS_PRESET, *PRESET_NAMES)
     if unknown := [name for name in names if name not in known]:
@@ -216,23 +208,19 @@ def _shared_format_finding(study: Study, validate: list[str]) -> list[Finding]:
 
 
 def _identified(
-    study: Study, threads: int, fleet: str | None, *, compare: bool, quiet: bool
+    study: Study, threads: int, fleet: str | None, *, compare: bool, chosen: str | None, quiet: bool
 ) -> tuple[Prepared, Result, MethodTable | None]:
-    """Identify the model with a progress bar; return the prepared data, the result and the comparison of methods."""
+    """Identify the model with a progress bar; return the prepared data, the result and the comparison of methods.
+
+    `chosen` is the value of --method.
+    """
     from armid.cli.console import progress
     from armid.study.compare_methods import compare_methods
     from armid.study.identify import conclude
     from armid.study.prepare import prepare
 
     if fleet is not None:
-        from armid.runs.fleet.new_unit import study_like_fleet
-        from armid.runs.fleet.stored_fleet import load_fleet
-        from armid.study.fleet.unit_result import identify_unit
-
-        stored = load_fleet(fleet)
-        study = study_like_fleet(study, stored)
-        with progress(quiet=quiet) as tell:
-            return *identify_unit(study, stored.estimate.prior, threads=threads, progress=tell), None
+        return *identified_with_fleet(study, fleet, threads, compare=compare, method=chosen, quiet=quiet), None
     with progress(quiet=quiet) as tell:
         prepared = prepare(study, threads=threads, progress=tell)
         result = conclude(prepared, progress=tell)

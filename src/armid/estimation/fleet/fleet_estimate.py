@@ -6,7 +6,7 @@ Units that differ from all others are found, left out of means and scatter, and 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,25 @@ REPEATS = 8
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class OwnUnknowns:
+    """Unknowns that each unit of a fleet has for itself: own parameters, then torque scales.
+
+    Attributes:
+        names: Names, m of them; `scale_1` is the torque scale of joint 1.
+        joint: Joint to which each unknown belongs, from 0, shape (m,).
+        deviation: Standard deviation between units, shape (m,).
+    """
+
+    names: tuple[str, ...]
+    joint: NDArray[np.int64]
+    deviation: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "deviation", array(self.deviation, (len(self.names),), "deviation"))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class FleetEstimate:
     """Estimate of a fleet of U units.
 
@@ -37,13 +56,11 @@ class FleetEstimate:
         deviation: Their standard deviations, shape (U, b).
         scale: Torque scale of each unit and joint, shape (U, n).
         scale_deviation: Standard deviations of the torque scales, shape (U, n).
-        between: Standard deviation between units of each own unknown, shape (m,).
+        own: Own unknowns, m of them.
         score: Difference of each own unknown from the other units, divided by its standard deviation, shape (U, m);
             NaN if it cannot be judged.
         odd: Own unknowns that differ from the other units, the least probable first.
         odd_bodies: Units whose bodies differ from the other units.
-        own: Names of the own unknowns, m of them.
-        joint: Joint to which each own unknown belongs, from 0, shape (m,).
     """
 
     units: tuple[str, ...]
@@ -52,16 +69,13 @@ class FleetEstimate:
     deviation: Array
     scale: Array
     scale_deviation: Array
-    between: Array
+    own: OwnUnknowns
     score: Array
     odd: tuple[OddUnknown, ...] = ()
     odd_bodies: tuple[OddBodies, ...] = ()
-    own: tuple[str, ...] = ()
-    joint: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "units", tuple(self.units))
-        object.__setattr__(self, "own", tuple(self.own))
         count = len(self.units)
         for name in ("values", "deviation", "scale", "scale_deviation", "score"):
             given = np.asarray(getattr(self, name), dtype=np.float64)
@@ -123,12 +137,10 @@ def estimate_fleet(units: Mapping[str, Information], own: NDArray[np.bool_]) -> 
         np.array([np.sqrt(np.diag(estimates[u].covariance)) for u in at]),
         np.array([estimates[u].scale for u in at]),
         np.array([estimates[u].scale_deviation for u in at]),
-        population.deviation,
+        OwnUnknowns(data.layout.own_names, data.layout.joint.astype(np.int64), population.deviation),
         score[at],
         tuple(odd),
         tuple(bodies),
-        data.layout.own_names,
-        data.layout.joint.astype(np.int64),
     )
     return FleetResult(estimate, {name: priors[u] for name, u in zip(order, at, strict=True)}, data.layout)
 

@@ -1,4 +1,4 @@
-"""What the other units of a fleet say about each of its units."""
+"""Distribution of the parameters of each unit of a fleet that follows from all other units."""
 
 from __future__ import annotations
 

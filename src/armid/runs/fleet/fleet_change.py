@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from armid.checked_array import Array
 from armid.errors import ArmidError
 from armid.estimation.fleet.fleet_estimate import FleetEstimate
 from armid.estimation.fleet.odd_units import FALSE_ALARM, holm
@@ -53,7 +54,7 @@ def changes_since(before: FleetEstimate, after: FleetEstimate) -> tuple[UnitChan
     Raises:
         ArmidError: The fleets have no unit in common, or other parameters.
     """
-    if before.own != after.own or before.prior.names != after.prior.names:
+    if before.own.names != after.own.names or before.prior.names != after.prior.names:
         raise ArmidError(
             "The earlier fleet has other parameters than this fleet, so they cannot be compared.",
             remedy="identify both fleets with the same arm description and the same torque terms.",
@@ -74,7 +75,7 @@ def changes_since(before: FleetEstimate, after: FleetEstimate) -> tuple[UnitChan
     return tuple(
         UnitChange(
             unit,
-            int(after.joint[k]),
+            int(after.own.joint[k]),
             parameter,
             float(first[0][u, k]),
             float(later[0][u, k]),
@@ -82,14 +83,14 @@ def changes_since(before: FleetEstimate, after: FleetEstimate) -> tuple[UnitChan
             bool(beyond[u, k]),
         )
         for u, unit in enumerate(both)
-        for k, parameter in enumerate(after.own)
+        for k, parameter in enumerate(after.own.names)
     )
 
 
-def _own(fleet: FleetEstimate, units: list[str]) -> tuple[np.ndarray, np.ndarray]:
+def _own(fleet: FleetEstimate, units: list[str]) -> tuple[Array, Array]:
     """Own unknowns of some units and their standard deviations, shape (units, m) each."""
     at = [fleet.units.index(name) for name in units]
-    place = [k for k, name in enumerate(fleet.prior.names) if name in fleet.own]
+    place = [k for k, name in enumerate(fleet.prior.names) if name in fleet.prior.own]
     values = np.column_stack([fleet.values[at][:, place], fleet.scale[at]])
     return values, np.column_stack([fleet.deviation[at][:, place], fleet.scale_deviation[at]])
 

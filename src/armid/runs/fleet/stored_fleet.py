@@ -122,7 +122,7 @@ def fleet_record(
     """
     rows = fleet_rows(fleet)
     estimate = fleet.estimate
-    own = set(estimate.own)
+    own = set(estimate.prior.own)
     units = dict(zip(fleet.base.names, fleet.base.units, strict=True))
     record: dict[str, Any] = {
         "format": FORMAT,
@@ -157,7 +157,7 @@ def fleet_record(
         ],
         "between_units": [
             {"name": name, "deviation": deviation}
-            for name, deviation in zip(estimate.own, estimate.between, strict=True)
+            for name, deviation in zip(estimate.own.names, estimate.own.deviation, strict=True)
         ],
         "warnings": [finding_record(finding) for finding in fleet.findings],
     }

@@ -44,14 +44,14 @@ def fleet_rows(fleet: FleetIdentification) -> tuple[FleetRow, ...]:
     rows: list[FleetRow] = []
     for u, (name, result) in enumerate(zip(estimate.units, fleet.results, strict=True)):
         intervals = result.estimate.fit.intervals
-        for k, parameter in enumerate(estimate.own):
-            joint = joints[estimate.joint[k]]
+        for k, parameter in enumerate(estimate.own.names):
+            joint = joints[estimate.own.joint[k]]
             if parameter in place:
                 at = place[parameter]
                 value, half = estimate.values[u, at], 0.5 * float(np.ptp(intervals[at]))
                 unit = base.units[at]
             else:
-                j = int(estimate.joint[k])
+                j = int(estimate.own.joint[k])
                 value, half, unit = estimate.scale[u, j], NORMAL * estimate.scale_deviation[u, j], ""
             is_odd = (name, parameter) in odd
             rows.append(

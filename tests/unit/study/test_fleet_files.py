@@ -17,7 +17,7 @@ from armid.study.config import parse_study
 from armid.study.fleet.fleet_file import load_fleet_file, parse_fleet
 from armid.study.fleet.identify_fleet import identify_fleet
 from armid.study.fleet.unit_result import identify_unit
-from tests.support.fleets import HEAD, made_fleet, write_fleet
+from fleets import HEAD, made_fleet, write_fleet
 
 UNITS = 6
 
@@ -33,7 +33,7 @@ def scene(tmp_path_factory):
 
 def test_own_parameters_are_recovered(scene):
     _, units, found = scene
-    own = np.isin(found.base.names, found.estimate.own)
+    own = np.isin(found.base.names, found.estimate.prior.own)
     for unit, result in zip(units, found.results, strict=True):
         true = found.base.values_of(unit.truth)[own]
         fit = result.estimate.fit
@@ -64,7 +64,7 @@ def test_stored_fleet_is_the_fleet(scene):
 
 
 def test_only_what_changed_is_told(scene, tmp_path):
-    _, units, found = scene
+    _, _, found = scene
     assert not any(each.beyond for each in changes_since(found.estimate, found.estimate))
     later = made_fleet(UNITS, 1, odd={(2, "FS_1"): 1.5})
     after = identify_fleet(load_fleet_file(write_fleet(later, tmp_path)))

@@ -22,7 +22,7 @@ from armid.estimation.fleet.odd_units import holm
 from armid.estimation.fleet.unit_rows import unit_rows
 from armid.estimation.fleet.unit_update import update_unit
 from armid.information.information import JointFactors, stack, total
-from tests.support.fleet_rows import SCALE_SPREAD, SHARED, SPREAD, drawn_fleet
+from fleet_rows import SCALE_SPREAD, SHARED, SPREAD, drawn_fleet
 
 ROUNDING = 1e-9
 """Relative difference of two ways through well-conditioned triangular factors."""
@@ -95,10 +95,10 @@ def test_scatter_between_units_is_recovered():
     fleet = drawn_fleet(60, 3, noise=0.2)
     found = estimate_fleet(fleet.units, fleet.own).estimate
     mean = np.mean(list(fleet.values.values()), axis=0)[fleet.own]
-    relative = found.between[: len(mean)] / np.abs(mean)
+    relative = found.own.deviation[: len(mean)] / np.abs(mean)
     # Four standard errors of a standard deviation from 60 units, 9 % each.
     assert relative == pytest.approx(np.full(len(mean), SPREAD), rel=0.36)
-    assert found.between[len(mean) :] == pytest.approx(np.full(2, SCALE_SPREAD), rel=0.36)
+    assert found.own.deviation[len(mean) :] == pytest.approx(np.full(2, SCALE_SPREAD), rel=0.36)
 
 
 def test_intervals_of_own_parameters_cover():
@@ -108,7 +108,7 @@ def test_intervals_of_own_parameters_cover():
         found = estimate_fleet(fleet.units, fleet.own).estimate
         true = np.array([fleet.values[name] for name in found.units])
         inside.append((np.abs(found.values - true) <= 1.96 * found.deviation)[:, fleet.own])
-    # Errors of units of one fleet are correlated by the common scale, so eight fleets are about 100 independent cases.
+    # Errors in one fleet are correlated by the common scale, so eight fleets are about 100 independent cases.
     assert 0.89 <= np.mean(inside) <= 0.99
 
 
@@ -132,7 +132,9 @@ def test_unit_with_other_bodies_is_named():
     found = estimate_fleet(fleet.units, fleet.own)
     assert [each.unit for each in found.estimate.odd_bodies] == ["u04"]
     usual = fleet.values["u00"][3]
-    assert found.estimate.prior.mean[3] == pytest.approx(usual, abs=4.0 * np.sqrt(found.estimate.prior.covariance[3, 3]))
+    assert found.estimate.prior.mean[3] == pytest.approx(
+        usual, abs=4.0 * np.sqrt(found.estimate.prior.covariance[3, 3])
+    )
 
 
 def test_fleet_without_odd_units_names_none():
