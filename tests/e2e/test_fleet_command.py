@@ -32,7 +32,6 @@ def write_cells(units: list[MadeUnit], folder: Path, ending: str = "") -> None:
         write_recording(unit.training, folder / f"cell-{k}{ending}.csv")
 
 
-@pytest.mark.long
 def test_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     write_arm(tmp_path).rename(tmp_path / "arm.urdf")
@@ -70,7 +69,7 @@ def test_nothing_is_written_if_a_recording_is_missing(tmp_path: Path, monkeypatc
     monkeypatch.chdir(tmp_path)
     write_fleet(made_fleet(2, 1), tmp_path)
     Path("unit-01.npz").unlink()
-    assert armid("fleet", "FLEET.toml", "--out", "stored") == 1
+    assert armid("fleet", "FLEET.toml", "--out", "stored") == 2
     assert not Path("stored").exists()
 
 
@@ -80,7 +79,7 @@ def test_a_run_is_no_earlier_fleet(
     monkeypatch.chdir(tmp_path)
     write_fleet(made_fleet(2, 1), tmp_path)
     Path("run").mkdir()
-    assert armid("fleet", "FLEET.toml", "--since", "run") == 1
+    assert armid("fleet", "FLEET.toml", "--since", "run") == 2
     assert "run is not a fleet of armid" in " ".join(capsys.readouterr().err.split())
 
 
@@ -89,5 +88,5 @@ def test_method_and_fleet_exclude_each_other(
 ):
     monkeypatch.chdir(tmp_path)
     write_fleet(made_fleet(2, 1), tmp_path)
-    assert armid("identify", "small.urdf", "unit-01.npz", "--fleet", "stored", "--method", "wls") == 1
+    assert armid("identify", "small.urdf", "unit-01.npz", "--fleet", "stored", "--method", "wls") == 2
     assert "--fleet and --method are both given" in " ".join(capsys.readouterr().err.split())
