@@ -16,6 +16,7 @@ from armid.estimation.fleet.elimination import (
     own_deviations,
     solve_common,
 )
+from armid.estimation.fleet.fleet_data import ASSUMED_SCALE, fleet_data
 from armid.estimation.fleet.fleet_estimate import estimate_fleet
 from armid.estimation.fleet.layout import fleet_layout
 from armid.estimation.fleet.odd_units import holm
@@ -176,3 +177,11 @@ def test_undetermined_common_parameters_are_named():
 
 def test_holm_multiplies_by_the_number_of_remaining_comparisons():
     assert holm(np.array([0.01, 0.5, 0.02, 0.03])) == pytest.approx([0.04, 0.5, 0.06, 0.06])
+
+
+def test_stated_deviation_of_gains_replaces_the_usual_one():
+    fleet = drawn_fleet(3, 10)
+    stated = {name: replace(each, scale_deviation=np.array([0.1, 0.0])) for name, each in fleet.units.items()}
+    units, squares = fleet_data(stated, fleet.own).assumed
+    assert (squares[-2:] / units[-2:]) ** 0.5 == pytest.approx([0.1, ASSUMED_SCALE])
+    assert not units[:-2].any()

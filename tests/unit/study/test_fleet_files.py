@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import tomllib
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
 
 import numpy as np
 import pytest
@@ -50,6 +51,15 @@ def test_threads_give_the_same_bytes(scene):
     assert np.array_equal(again.estimate.prior.covariance, found.estimate.prior.covariance)
     for one, other in zip(again.results, found.results, strict=True):
         assert np.array_equal(one.estimate.fit.covariance, other.estimate.fit.covariance)
+
+
+def test_processes_give_the_same_bytes(tmp_path):
+    choice = load_fleet_file(write_fleet(made_fleet(2, 1, repetitions=1), tmp_path))
+    one = identify_fleet(choice)
+    with ProcessPoolExecutor(2, get_context("spawn")) as executor:
+        other = identify_fleet(choice, executor=executor)
+    assert np.array_equal(one.estimate.values, other.estimate.values)
+    assert np.array_equal(one.estimate.deviation, other.estimate.deviation)
 
 
 def test_stored_fleet_is_the_fleet(scene):
@@ -100,6 +110,7 @@ BAD = {
     "one unit": (UNIT, "at least two units"),
     "no name": ("[[unit]]\nrecordings = []\n", "needs a `name`"),
     "bad name": ('[[unit]]\nname = "../a"\n', "needs a `name`"),
+    "name ends in a dot": ('[[unit]]\nname = "a."\n', "needs a `name`"),
     "same name": (UNIT + UNIT.replace('"a"', '"A"'), "Two units have the name"),
     "unknown key": (UNIT + "roll = 1\n", "no key 'roll'"),
     "unknown table": ("[estimation]\n" + UNIT, "no key 'estimation'"),

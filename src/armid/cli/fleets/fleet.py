@@ -81,10 +81,9 @@ def _identified(choice: FleetChoice, jobs: int, *, quiet: bool) -> FleetIdentifi
     with progress(quiet=quiet) as tell:
         if jobs == 1:
             return identify_fleet(choice, progress=tell)
-        from concurrent.futures import ProcessPoolExecutor
-        from multiprocessing import get_context
+        from armid.excitation.design.multistart import single_threaded_pool
 
-        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as executor:
+        with single_threaded_pool(jobs) as executor:
             return identify_fleet(choice, executor=executor, progress=tell)
 
 

@@ -19,9 +19,10 @@ FIRST_OWN, FIRST_SCALE = 0.3, 0.05
 torque scale."""
 
 ASSUMED_UNITS, ASSUMED_SCALE = 2.0, 0.03
-"""Number of units that the variance of the torque scales counts in addition, and their standard deviation, which is
-usual for torque constants. Where bodies have little torque, the data hardly determine the scale of a joint, and a
-variance that is too small by chance would make the intervals of its friction too narrow."""
+"""Number of units that the variance of the torque scales counts in addition, and their standard deviation if the
+recordings state none; it is usual for torque constants. Where bodies have little torque, the data hardly determine
+the scale of a joint, and a variance that is too small by chance would make the intervals of its friction too
+narrow."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -85,5 +86,7 @@ def fleet_data(units: Mapping[str, Information], own: NDArray[np.bool_]) -> Flee
         sizes[k] = torque[j] / np.sqrt(square / rows[j]) if square > 0.0 else 1.0
     deviation = np.concatenate([FIRST_OWN * sizes, np.full(layout.n, FIRST_SCALE)])
     assumed = np.zeros((2, layout.count))
-    assumed[:, len(layout.own) :] = [[ASSUMED_UNITS], [ASSUMED_UNITS * ASSUMED_SCALE**2]]
+    stated = np.max([each.scale_deviation for each in whole], axis=0)
+    assumed[0, len(layout.own) :] = ASSUMED_UNITS
+    assumed[1, len(layout.own) :] = ASSUMED_UNITS * np.where(stated > 0.0, stated, ASSUMED_SCALE) ** 2
     return FleetData(names, tuple(units[name] for name in names), whole, layout, torque, deviation, assumed)

@@ -23,7 +23,7 @@ KEYS = ("robot", "model", "processing", "reading", "unit")
 UNIT_KEYS = ("name", "recordings", "validate", "recording")
 """Keys of a table `[[unit]]`."""
 
-NAME = re.compile(r"\w[\w.-]*")
+NAME = re.compile(r"\w([\w.-]*[\w-])?")
 """Form of the name of a unit, which is also the name of a folder."""
 
 
