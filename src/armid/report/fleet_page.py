@@ -146,7 +146,9 @@ def _changes(changes: Sequence[UnitChange], since: str) -> Table:
         )
         for each in beyond
     ]
-    note = f"{len(changes) - len(beyond)} of {plural(len(changes), 'parameter')} have not changed."
+    note = (
+        f"{len(changes) - len(beyond)} of {plural(len(changes), 'parameter')} differ by no more than errors explain."
+    )
     return Table("changes", f"Changed since {since}", columns, cells, note, folded=len(cells) > MAX_OPEN)
 
 

@@ -67,11 +67,11 @@ def test_elimination_equals_the_dense_problem(small):
     x, m = len(common), layout.count
     assert found.half @ found.half.T == pytest.approx(covariance[:x, :x], rel=1e-7, abs=ROUNDING)
     for u, unit in enumerate(units):
-        values, variance = own_deviations(unit, layout, found)
+        values, known, added = own_deviations(unit, layout, found)
         assert values == pytest.approx(own[u] - layout.mean_map @ common, rel=1e-7, abs=ROUNDING)
         change = np.zeros((m, len(covariance)))
         change[:, :x], change[:, x + u * m : x + (u + 1) * m] = -layout.mean_map, np.eye(m)
-        assert variance == pytest.approx(np.diag(change @ covariance @ change.T), rel=1e-7)
+        assert known + added == pytest.approx(np.diag(change @ covariance @ change.T), rel=1e-7)
 
 
 def test_leaving_out_a_unit_equals_the_merge_of_the_others(small):

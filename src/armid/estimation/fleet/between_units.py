@@ -49,14 +49,21 @@ class Population:
         deviation: Standard deviation of each own unknown between units, shape (m,).
         units: Rows of each unit after the elimination of its own unknowns.
         own: Deviations of the own unknowns of each unit from the means, shape (U, m).
-        squares: Expected squared deviations, shape (U, m).
+        known: Variances of these deviations for known common unknowns, shape (U, m).
+        added: Variances that the uncertainty of the common unknowns adds, shape (U, m).
     """
 
     common: Common
     deviation: Array
     units: tuple[Eliminated, ...]
     own: Array
-    squares: Array
+    known: Array
+    added: Array
+
+    @property
+    def squares(self) -> Array:
+        """Expected squared deviations, shape (U, m)."""
+        return self.own**2 + self.known + self.added
 
 
 def estimate_population(
@@ -114,9 +121,8 @@ def _at(
         unit = eliminate(each, layout, np.where(mask, deviation, FREE * deviation))
         units.append(unit if counts else replace(unit, factor=np.zeros_like(unit.factor)))
     common = solve_common(merged_factor([unit.factor for unit in units]), common_names(layout))
-    pairs = [own_deviations(unit, layout, common) for unit in units]
-    own = np.array([values for values, _ in pairs])
-    return Population(common, deviation, tuple(units), own, own**2 + np.array([variance for _, variance in pairs]))
+    own, known, added = (np.array(x) for x in zip(*(own_deviations(u, layout, common) for u in units), strict=True))
+    return Population(common, deviation, tuple(units), own, known, added)
 
 
 def common_names(layout: FleetLayout) -> tuple[str, ...]:

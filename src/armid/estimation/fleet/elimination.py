@@ -113,10 +113,10 @@ def solve_common(factor: Array, names: Sequence[str]) -> Common:
     return Common(half @ side, half)
 
 
-def own_deviations(unit: Eliminated, layout: FleetLayout, common: Common) -> tuple[Array, Array]:
-    """Deviations of the own unknowns of a unit from their means, and their variances, shape (m,) each.
+def own_deviations(unit: Eliminated, layout: FleetLayout, common: Common) -> tuple[Array, Array, Array]:
+    """Deviations of the own unknowns of a unit from their means, and two variances of them, shape (m,) each.
 
-    The variances contain the uncertainty of the common unknowns.
+    The first variance is that for known common unknowns; the second one is what their uncertainty adds.
 
     Args:
         unit: The unit.
@@ -125,4 +125,4 @@ def own_deviations(unit: Eliminated, layout: FleetLayout, common: Common) -> tup
     """
     change = unit.inverse @ unit.mixed + layout.mean_map
     values = unit.inverse @ unit.side - change @ common.values
-    return values, np.sum(unit.inverse**2, axis=1) + np.sum((change @ common.half) ** 2, axis=1)
+    return values, np.sum(unit.inverse**2, axis=1), np.sum((change @ common.half) ** 2, axis=1)

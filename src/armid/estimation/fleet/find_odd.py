@@ -19,7 +19,6 @@ from armid.estimation.fleet.odd_units import (
     holm,
     student_two_sided,
 )
-from armid.estimation.fleet.unit_priors import scatter_of_others
 from armid.estimation.fleet.unit_rows import torque_squares
 from armid.estimation.fleet.unit_update import FleetPrior, UnitEstimate
 
@@ -33,7 +32,7 @@ EXACT = 1e-12
 def odd_unknowns(
     data: FleetData,
     state: FleetState,
-    population: Population,
+    scatter_and_freedom: tuple[Array, Array],
     priors: list[FleetPrior],
     estimates: list[UnitEstimate],
 ) -> tuple[Array, list[OddUnknown]]:
@@ -46,12 +45,12 @@ def odd_unknowns(
     Args:
         data: The fleet.
         state: State of its estimate.
-        population: Common unknowns and scatter.
+        scatter_and_freedom: Scatter of each own unknown between the other units, and its degrees of freedom.
         priors: Distribution of each unit without its own data.
         estimates: Parameters of each unit.
     """
     layout = data.layout
-    scatter, number = scatter_of_others(data, state, population)
+    scatter, freedom = scatter_and_freedom
     between = scatter**2
     own = layout.own
     width = np.array([np.append(np.diag(p.covariance)[own], p.scale_deviation**2) for p in priors])
@@ -59,13 +58,15 @@ def odd_unknowns(
     values = np.array([np.append(e.values[own], e.scale) for e in estimates])
     mean = np.array([np.append(p.mean[own], np.ones(layout.n)) for p in priors])
     gain = width / np.maximum(width - after, EXACT * width)
-    # An odd unknown has a wide distribution, but is compared with the scatter of the others.
-    usual = width - np.where(state.kept, between, (FREE * scatter) ** 2) + between
+    # An odd unknown has a wide distribution, but is compared with the scatter of the others. The variance of their
+    # mean was computed with the scatter of all units, which an odd unit enlarges.
+    of_mean = width - np.where(state.kept, between, (FREE * scatter) ** 2)
+    usual = np.maximum(of_mean, 0.0) * between / state.deviation**2 + between
     spread = usual + after * gain
-    told = (usual / spread >= TOLD) & (number >= FEWEST - 1)
+    told = (usual / spread >= TOLD) & (state.counted.sum(axis=0) - state.counted >= FEWEST - 1)
     score = np.where(told, (values - mean) * gain / np.sqrt(spread), np.nan)
     # Only the scatter is estimated from few units [Satterthwaite1946].
-    probability = student_two_sided(score, np.maximum(number - 1, 1) * (spread / between) ** 2)
+    probability = student_two_sided(score, freedom * (spread / between) ** 2)
     corrected = np.ones_like(probability)
     corrected[told] = holm(probability[told])
     odd = [

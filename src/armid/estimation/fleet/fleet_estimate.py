@@ -17,7 +17,7 @@ from armid.estimation.fleet.fleet_data import FleetData, fleet_data
 from armid.estimation.fleet.fleet_rounds import FleetState, first_rounds, rounds
 from armid.estimation.fleet.layout import FleetLayout
 from armid.estimation.fleet.odd_units import FEWEST, OddBodies, OddUnknown
-from armid.estimation.fleet.unit_priors import left_out_priors, others_without_each, prior_of
+from armid.estimation.fleet.unit_priors import left_out_priors, others_without_each, prior_of, scatter_of_others
 from armid.estimation.fleet.unit_update import FleetPrior, update_unit
 from armid.information.information import Information
 from armid.threads import one_blas_thread
@@ -117,22 +117,23 @@ def estimate_fleet(units: Mapping[str, Information], own: NDArray[np.bool_]) -> 
     score, odd, bodies = np.full((count, m), np.nan), list[OddUnknown](), list[OddBodies]()
     for repeat in range(REPEATS):
         others = others_without_each(data, population)
-        priors = left_out_priors(data, state, population, others)
+        scatter = scatter_of_others(data, state, population, others)
+        priors = left_out_priors(data, state, others, *scatter)
         estimates = [update_unit(prior, each, data.layout) for prior, each in zip(priors, data.whole, strict=True)]
         if count >= FEWEST:
-            score, odd = odd_unknowns(data, state, population, priors, estimates)
+            score, odd = odd_unknowns(data, state, scatter, priors, estimates)
             bodies = odd_bodies(data, state, population, others)
         without = _without(data, state, odd, bodies)
         same = np.array_equal(without.kept, state.kept) and np.array_equal(without.usual, state.usual)
         if same or repeat == REPEATS - 1:
             break
         state, population = rounds(data, without)
-    number = state.counted.sum(axis=0)
+    freedom = max(float(state.counted.sum(axis=0).min()) - 1.0, 1.0)
     order = list(units)
     at = [data.names.index(name) for name in order]
     estimate = FleetEstimate(
         tuple(order),
-        prior_of(data, state, population.common, population.deviation, number),
+        prior_of(data, state, population.common, population.deviation, freedom),
         np.array([estimates[u].values for u in at]),
         np.array([np.sqrt(np.diag(estimates[u].covariance)) for u in at]),
         np.array([estimates[u].scale for u in at]),

@@ -94,7 +94,7 @@ def first_rounds(data: FleetData) -> tuple[FleetState, Population]:
     state = replace(
         _updated(data, state, population),
         deviation=population.deviation,
-        kept=robust_start(population.own, population.squares - population.own**2),
+        kept=robust_start(population.own, population.known + population.added),
     )
     return rounds(data, state)
 

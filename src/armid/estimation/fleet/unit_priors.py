@@ -22,22 +22,33 @@ def others_without_each(data: FleetData, population: Population) -> list[Common]
     return [solve_common(factor, common_names(data.layout)) for factor in factors]
 
 
-def scatter_of_others(data: FleetData, state: FleetState, population: Population) -> tuple[Array, Array]:
-    """Standard deviation of each own unknown between the other units, and number of these units, shape (U, m) each.
+def scatter_of_others(
+    data: FleetData, state: FleetState, population: Population, others: list[Common]
+) -> tuple[Array, Array]:
+    """Scatter of each own unknown between the other units: standard deviations and degrees of freedom, (U, m) each.
+
+    The deviations are about the mean of the other units, which an odd unit does not shift. This mean takes one degree
+    of freedom; that of the torque scales is 1.
 
     Args:
         data: The fleet.
         state: State of its estimate.
         population: Common unknowns and scatter.
+        others: Common unknowns without each unit.
     """
-    squares = np.where(state.counted, population.squares, 0.0)
-    number = state.counted.sum(axis=0) - state.counted
-    variance = (squares.sum(axis=0) - squares + data.assumed[1]) / np.maximum(number + data.assumed[0], 1)
-    return np.maximum(np.sqrt(np.maximum(variance, 0.0)), LEAST * data.first), number
+    counted = state.counted
+    shift = np.array([data.layout.mean_map @ (each.values - population.common.values) for each in others])
+    squares = np.where(counted, population.own**2 + population.known, 0.0)
+    own = np.where(counted, population.own, 0.0)
+    number = counted.sum(axis=0) - counted
+    about = squares.sum(axis=0) - squares - 2.0 * shift * (own.sum(axis=0) - own) + number * shift**2
+    freedom = np.maximum(number - data.layout.mean_map.any(axis=1) + data.assumed[0], 1.0)
+    variance = np.maximum((about + data.assumed[1]) / freedom, 0.0)
+    return np.maximum(np.sqrt(variance), LEAST * data.first), freedom
 
 
 def left_out_priors(
-    data: FleetData, state: FleetState, population: Population, others: list[Common]
+    data: FleetData, state: FleetState, others: list[Common], scatter: Array, freedom: Array
 ) -> list[FleetPrior]:
     """Distribution of the parameters of each unit without its own data.
 
@@ -46,20 +57,20 @@ def left_out_priors(
     Args:
         data: The fleet.
         state: State of its estimate.
-        population: Common unknowns and scatter.
         others: Common unknowns without each unit.
+        scatter: Standard deviation of each own unknown between the other units, shape (U, m).
+        freedom: Degrees of freedom of these standard deviations, shape (U, m).
     """
-    scatter, number = scatter_of_others(data, state, population)
     return [
-        prior_of(data, state, common, np.where(kept, 1.0, FREE) * deviation, count, odd_bodies=not usual)
-        for common, deviation, count, kept, usual in zip(
-            others, scatter, number, state.kept, state.usual, strict=True
+        prior_of(data, state, common, np.where(kept, 1.0, FREE) * deviation, least, odd_bodies=not usual)
+        for common, deviation, least, kept, usual in zip(
+            others, scatter, freedom.min(axis=1), state.kept, state.usual, strict=True
         )
     ]
 
 
 def prior_of(
-    data: FleetData, state: FleetState, common: Common, deviation: Array, number: Array, *, odd_bodies: bool = False
+    data: FleetData, state: FleetState, common: Common, deviation: Array, freedom: float, *, odd_bodies: bool = False
 ) -> FleetPrior:
     """Distribution of the parameters of a unit.
 
@@ -68,7 +79,7 @@ def prior_of(
         state: State of its estimate.
         common: Common unknowns, from other units.
         deviation: Standard deviation of each own unknown of the unit, shape (m,).
-        number: Number of units from which each of these was estimated, shape (m,).
+        freedom: Smallest number of degrees of freedom of these.
         odd_bodies: True if the bodies of the unit are known to differ.
     """
     layout, d = data.layout, len(data.layout.own)
@@ -87,5 +98,5 @@ def prior_of(
         state.noise,
         state.correlation,
         layout.own_names[:d],
-        max(float(number.min()) - 1.0, 1.0),
+        float(freedom),
     )
