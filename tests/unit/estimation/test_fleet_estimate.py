@@ -114,7 +114,7 @@ def test_intervals_of_own_parameters_cover():
 
 
 def test_odd_unit_is_named_with_its_joint():
-    fleet = drawn_fleet(20, 4, odd=(7, "FV_2", 3.0))
+    fleet = drawn_fleet(20, 14, odd=(7, "FV_2", 3.0))
     found = estimate_fleet(fleet.units, fleet.own).estimate
     assert [(each.unit, each.parameter, each.joint) for each in found.odd] == [("u07", "FV_2", 1)]
     assert found.odd_bodies == ()
@@ -185,3 +185,15 @@ def test_stated_deviation_of_gains_replaces_the_usual_one():
     units, squares = fleet_data(stated, fleet.own).assumed
     assert (squares[-2:] / units[-2:]) ** 0.5 == pytest.approx([0.1, ASSUMED_SCALE])
     assert not units[:-2].any()
+
+
+def test_odd_unit_does_not_hide_itself_among_few():
+    fleet = drawn_fleet(5, 4, odd=(1, "FV_2", 4.0))
+    found = estimate_fleet(fleet.units, fleet.own).estimate
+    k = found.own.names.index("FV_2")
+    true = np.array([values[fleet.own][k] for values in fleet.values.values()])
+    others = np.delete(true, 1)
+    student = (true[1] - others.mean()) / (others.std(ddof=1) * np.sqrt(1.0 + 1.0 / len(others)))
+    # Noise and the common scale of torques change the score by less than a third.
+    assert found.score[1, k] == pytest.approx(student, rel=0.33)
+    assert [(each.unit, each.parameter) for each in found.odd] == [("u01", "FV_2")]
