@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tomllib
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
@@ -18,6 +19,7 @@ from armid.study.config import parse_study
 from armid.study.fleet.fleet_file import load_fleet_file, parse_fleet
 from armid.study.fleet.identify_fleet import identify_fleet
 from armid.study.fleet.unit_result import identify_unit
+from armid.study.identify import identify
 from fleets import HEAD, made_fleet, write_fleet
 
 UNITS = 6
@@ -139,3 +141,39 @@ def test_error_names_the_unit(tmp_path):
     (tmp_path / "unit-02.npz").unlink()
     with pytest.raises(ArmidError, match="unit unit-02: "):
         identify_fleet(load_fleet_file(path))
+
+
+def test_one_recording_of_two_units_is_refused(tmp_path):
+    path = write_fleet(made_fleet(2, 1, repetitions=1), tmp_path)
+    (tmp_path / "unit-02.npz").write_bytes((tmp_path / "unit-01.npz").read_bytes())
+    with pytest.raises(StudyError, match="unit-01 and unit-02 have the same recording"):
+        identify_fleet(load_fleet_file(path))
+
+
+def test_damaged_fleet_is_refused(scene):
+    folder, _, _ = scene
+    shutil.copytree(folder / "stored", folder / "damaged")
+    path = folder / "damaged" / "fleet.npz"
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(ArmidError, match=r"fleet\.npz"):
+        load_fleet(folder / "damaged")
+    with pytest.raises(ArmidError, match="is not a fleet of armid"):
+        load_fleet(folder)
+
+
+@pytest.mark.long
+def test_odd_joint_of_one_of_twenty_units_and_a_brief_new_unit(tmp_path):
+    odd = {(12, "FV_2"): 2.5, (12, "FS_2"): 2.5}
+    *units, new = made_fleet(21, 7, odd=odd)
+    found = identify_fleet(load_fleet_file(write_fleet(units, tmp_path)))
+    assert {(each.unit, each.joint) for each in found.estimate.odd} == {("unit-13", 1)}
+    assert found.estimate.odd_bodies == ()
+    text = HEAD + '[[recording]]\npath = "a"\npart = [0.0, {part}]\n[[recording]]\npath = "b"\nrole = "validate"\n'
+    given = {"a": new.training, "b": new.validation}
+    brief = parse_study(tomllib.loads(text.replace("{part}", "0.19")), str(tmp_path))  # 3 of 16 s
+    _, by_fleet = identify_unit(brief, found.estimate.prior, given=given)
+    alone = identify(parse_study(tomllib.loads(text.replace("{part}", "1.0")), str(tmp_path)), given=given)
+    error, usual = (np.linalg.norm(each.validation.recordings[0].rms) for each in (by_fleet, alone))
+    assert error <= 1.5 * usual  # 2 s of rows for 9 parameters and 3 scales, against 15 s

@@ -118,7 +118,7 @@ def estimate_fleet(units: Mapping[str, Information], own: NDArray[np.bool_]) -> 
     for repeat in range(REPEATS):
         others = others_without_each(data, population)
         scatter = scatter_of_others(data, state, population, others)
-        priors = left_out_priors(data, state, others, *scatter)
+        priors = left_out_priors(data, state, others, scatter[0])
         estimates = [update_unit(prior, each, data.layout) for prior, each in zip(priors, data.whole, strict=True)]
         if count >= FEWEST:
             score, odd = odd_unknowns(data, state, scatter, priors, estimates)
@@ -128,12 +128,11 @@ def estimate_fleet(units: Mapping[str, Information], own: NDArray[np.bool_]) -> 
         if same or repeat == REPEATS - 1:
             break
         state, population = rounds(data, without)
-    freedom = max(float(state.counted.sum(axis=0).min()) - 1.0, 1.0)
     order = list(units)
     at = [data.names.index(name) for name in order]
     estimate = FleetEstimate(
         tuple(order),
-        prior_of(data, state, population.common, population.deviation, freedom),
+        prior_of(data, state, population.common, population.deviation),
         np.array([estimates[u].values for u in at]),
         np.array([np.sqrt(np.diag(estimates[u].covariance)) for u in at]),
         np.array([estimates[u].scale for u in at]),

@@ -47,9 +47,7 @@ def scatter_of_others(
     return np.maximum(np.sqrt(variance), LEAST * data.first), freedom
 
 
-def left_out_priors(
-    data: FleetData, state: FleetState, others: list[Common], scatter: Array, freedom: Array
-) -> list[FleetPrior]:
+def left_out_priors(data: FleetData, state: FleetState, others: list[Common], scatter: Array) -> list[FleetPrior]:
     """Distribution of the parameters of each unit without its own data.
 
     Own unknowns that are odd, and the bodies of a unit with odd bodies, have a wide distribution.
@@ -59,18 +57,15 @@ def left_out_priors(
         state: State of its estimate.
         others: Common unknowns without each unit.
         scatter: Standard deviation of each own unknown between the other units, shape (U, m).
-        freedom: Degrees of freedom of these standard deviations, shape (U, m).
     """
     return [
-        prior_of(data, state, common, np.where(kept, 1.0, FREE) * deviation, least, odd_bodies=not usual)
-        for common, deviation, least, kept, usual in zip(
-            others, scatter, freedom.min(axis=1), state.kept, state.usual, strict=True
-        )
+        prior_of(data, state, common, np.where(kept, 1.0, FREE) * deviation, odd_bodies=not usual)
+        for common, deviation, kept, usual in zip(others, scatter, state.kept, state.usual, strict=True)
     ]
 
 
 def prior_of(
-    data: FleetData, state: FleetState, common: Common, deviation: Array, freedom: float, *, odd_bodies: bool = False
+    data: FleetData, state: FleetState, common: Common, deviation: Array, *, odd_bodies: bool = False
 ) -> FleetPrior:
     """Distribution of the parameters of a unit.
 
@@ -79,7 +74,6 @@ def prior_of(
         state: State of its estimate.
         common: Common unknowns, from other units.
         deviation: Standard deviation of each own unknown of the unit, shape (m,).
-        freedom: Smallest number of degrees of freedom of these.
         odd_bodies: True if the bodies of the unit are known to differ.
     """
     layout, d = data.layout, len(data.layout.own)
@@ -98,5 +92,4 @@ def prior_of(
         state.noise,
         state.correlation,
         layout.own_names[:d],
-        float(freedom),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -33,7 +33,6 @@ class FleetPrior:
         noise: Standard deviation of the residual of each joint, shape (n,) [N·m or N].
         correlation: Number of consecutive rows that count as one independent sample for each joint, shape (n,).
         own: Names of the parameters that differ between units.
-        freedom: Degrees of freedom of the scatter between units.
     """
 
     names: tuple[ParameterName, ...]
@@ -43,7 +42,6 @@ class FleetPrior:
     noise: Array
     correlation: Array
     own: tuple[str, ...]
-    freedom: float = field(default=1.0)
 
     def __post_init__(self) -> None:
         b, n = len(self.names), len(self.noise)

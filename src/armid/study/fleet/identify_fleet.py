@@ -76,6 +76,7 @@ def identify_fleet(
     tell = progress or no_progress
     studies = {unit.name: unit.study for unit in fleet.units}
     prepared = _prepared(studies, given, executor, tell)
+    _refuse_shared_recordings(prepared)
     first = next(iter(prepared.values()))
     own = changing_parameters(first.model)[first.base.kept]
     tell("fleet", 0.0)
@@ -109,6 +110,24 @@ def _prepared(
     again = [(replace(studies[name], model=fullest.study.model), given, name) for name in other]
     prepared |= dict(zip(other, _mapped(_prepare, again, executor, partial(tell, "recordings")), strict=True))
     return prepared
+
+
+def _refuse_shared_recordings(prepared: Mapping[str, Prepared]) -> None:
+    """Raises an error if a recording belongs to two units.
+
+    Raises:
+        StudyError: Two units have the same recording.
+    """
+    owner: dict[str, str] = {}
+    for name, unit in prepared.items():
+        for each in unit.recordings:
+            other = owner.setdefault(each.recording.sha256, name)
+            if other != name:
+                raise StudyError(
+                    f"The units {other} and {name} have the same recording: {each.choice.path} (sha256 "
+                    f"{each.recording.sha256[:12]}…).",
+                    remedy="give each unit its own recordings.",
+                )
 
 
 def _prepare(task: tuple[Study, Mapping[str, Recording] | None, str]) -> Prepared:
