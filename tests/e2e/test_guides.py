@@ -174,5 +174,5 @@ def test_no_page_is_forgotten():
     """Pages with commands or Python are followed here, among the tutorials, with the thesis's records, or say so."""
     busy = {page for page, text in PAGES.items() for b in blocks(text) if b.run and b.language in ("bash", "python")}
     elsewhere = {page for page in PAGES if page.startswith("tutorials/")}
-    elsewhere |= {"start.md", "extending.md", "thesis.md", "dh.md"}
+    elsewhere |= {"start.md", "extending.md", "thesis.md", "dh.md", "fleet.md"}
     assert busy == {*GUIDES, *LONG} | elsewhere

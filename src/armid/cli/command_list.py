@@ -18,6 +18,7 @@ from armid.cli.commands.report import report
 from armid.cli.commands.thesis import thesis
 from armid.cli.commands.track import track
 from armid.cli.commands.validate import validate
+from armid.cli.fleets.fleet import fleet
 from armid.cli.monitoring.monitor import monitor
 from armid.cli.motion.excite import excite
 from armid.cli.motion.preview import preview
@@ -30,6 +31,7 @@ COMMANDS: tuple[Callable[..., None], ...] = (
     simulate,
     identify,
     servo,
+    fleet,
     doctor,
     validate,
     predict,

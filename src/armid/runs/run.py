@@ -121,7 +121,7 @@ def save_run(
         OutputError: The folder cannot be written, or its contents are not a run.
     """
     with whole_folder(folder, MARKER, "run") as draft:
-        _write(result, draft, made or origin_now())
+        write_run(result, draft, made or origin_now())
         for name, record in (further_records or {}).items():
             replace_file(draft / name, to_json(record) + "\n")
     return Path(folder)
@@ -306,7 +306,14 @@ def _model(robot: Robot, record: Mapping[str, Any]) -> DynamicsModel:
     return dataclasses.replace(model, load_parameters=record.get("load_parameters"))
 
 
-def _write(result: Result, draft: Path, made: RunOrigin) -> None:
+def write_run(result: Result, draft: Path, made: RunOrigin) -> None:
+    """Writes the files of a run to an existing folder, which is not yet in its place.
+
+    Args:
+        result: Result of an identification.
+        draft: The folder.
+        made: Time and computer of the identification, and version of armid.
+    """
     study = result.study
     model = {
         "format": FORMAT,

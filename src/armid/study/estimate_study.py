@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 
 from armid.errors import EstimationError
+from armid.estimation.catalogue import Estimator
 from armid.estimation.estimate_record import Estimate, InputDigest, TermUse
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.run_estimator import estimate
@@ -22,16 +23,19 @@ from armid.study.prepare import Prepared, stated_problem
 from armid.study.recordings.processed import ProcessedRecording
 from armid.study.selection_prior_options import with_origin_of_weight
 
+StudyEstimator = Estimator
+"""Estimator that replaces the estimator of a study."""
 
-def estimate_prepared(prepared: Prepared) -> Estimate:
-    """Estimates the parameters of a prepared study with the method of the study.
+
+def estimate_prepared(prepared: Prepared, method: StudyEstimator | None = None) -> Estimate:
+    """Estimates the parameters of a prepared study with an estimator; if not given, with that of the study.
 
     Raises:
         EstimationError: The data do not determine the parameters; the message contains the errors of the doctor.
     """
     problem = stated_problem(prepared)
     try:
-        found = estimate_study(prepared.study, prepared.model, prepared.base, problem, prepared.recordings)
+        found = estimate_study(prepared.study, prepared.model, prepared.base, problem, prepared.recordings, method)
     except EstimationError as error:
         raise diagnosed_error(error, prepared.findings) from error
     return with_origin_of_weight(found, prepared.friction_selection)
@@ -43,6 +47,7 @@ def estimate_study(
     base: BaseParameters,
     problem: EstimationProblem,
     recordings: Sequence[ProcessedRecording],
+    method: StudyEstimator | None = None,
 ) -> Estimate:
     """Estimates the parameters with the method of a study; the estimate also contains digests of all its inputs.
 
@@ -52,11 +57,12 @@ def estimate_study(
         base: Base parameters of the model.
         problem: Estimation problem: information of the training recordings, and the options of the estimate.
         recordings: All recordings with their roles, processed.
+        method: Estimator; if not given, that of the study.
 
     Raises:
         EstimationError: The data do not determine the parameters.
     """
-    fit = estimate(problem, build_estimator(study.estimation))
+    fit = estimate(problem, method or build_estimator(study.estimation))
     options = digest(repr((study.model, study.processing, study.estimation)))
     made_from = (
         InputDigest("robot", model.robot.sha256),
@@ -66,7 +72,7 @@ def estimate_study(
     observations = problem.observations
     return Estimate(
         model.robot.name,
-        study.estimation.method,
+        study.estimation.method if method is None else method.name,
         _uses(model),
         base,
         fit,

@@ -16,7 +16,7 @@ from armid.model.dynamics_model import DynamicsModel
 from armid.notebook_display import Displayed, Summary
 from armid.robot import Robot
 from armid.study.config import Study, build_estimator
-from armid.study.estimate_study import estimate_prepared
+from armid.study.estimate_study import StudyEstimator, estimate_prepared
 from armid.study.plausibility.estimate_findings import plausibility_findings
 from armid.study.plausibility.one_sided_filter import one_sided_filter_finding
 from armid.study.plausibility.recording_errors import contradicted
@@ -92,8 +92,13 @@ def identify(
 
 
 @one_blas_thread
-def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
+def conclude(prepared: Prepared, *, progress: Progress | None = None, method: StudyEstimator | None = None) -> Result:
     """Estimates the parameters of a prepared study, and validates them on the study's validation recordings.
+
+    Args:
+        prepared: The prepared study.
+        progress: Function that is called with the name of each stage and the share of the stage that is done.
+        method: Estimator; if not given, that of the study.
 
     Raises:
         EstimationError: The data do not determine the parameters.
@@ -103,7 +108,7 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     robot = model.robot
     information = prepared.problem.information
     tell("estimation", 0.0)
-    estimate = estimate_prepared(prepared)
+    estimate = estimate_prepared(prepared, method)
     chosen = prepared.friction_selection is not None
     remarks = plausibility_findings(model, information, stated_problem(prepared), estimate.fit, chosen=chosen)
     one_sided = one_sided_filter_finding(information, prepared.problem, estimate.fit)
@@ -111,7 +116,7 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     findings = [*on_recordings, *estimate.findings, *remarks]
     tell("validation", 0.0)
     estimate, left_out = with_left_out(
-        estimate, prepared.problem, partial(separated_problem, prepared), build_estimator(study.estimation)
+        estimate, prepared.problem, partial(separated_problem, prepared), method or build_estimator(study.estimation)
     )
     train = of_role(recordings, "train")
     predictions = {each: predict_recording(model, estimate, each.observations) for each in recordings}

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from armid.cli.commands.report import NoReport, write_page
+from armid.cli.fleets.new_unit import Fleet, identified_with_fleet
 from armid.cli.log_format_options import PRESET_NAMES, Columns, Period, Rate, TimeUnit, TorqueSign, Units, given
 from armid.cli.options import (
     BASE_TERMS,
@@ -123,6 +124,7 @@ def identify(
     standstill: Standstill = None,
     method: Method = None,
     compare: Annotated[bool, typer.Option("--compare", help="Also print a table of all methods.")] = False,
+    fleet: Fleet = None,
     threads: Threads = 1,
     no_report: NoReport = False,
     verbose: Verbose = False,
@@ -151,7 +153,7 @@ def identify(
     study = study_of(inputs, validate or [], reading, (gravity, lock, only, tip, package), terms)
     processing = {"cutoff": _cutoff(cutoff), "edges": edges, "slow": slow, "standstill": standstill}
     study = _overridden(study, processing_preset, processing, method)
-    prepared, result, table = _identified(study, threads, compare=compare, quiet=json)
+    prepared, result, table = _identified(study, threads, fleet, compare=compare, chosen=method, quiet=json)
     print_findings(_shared_format_finding(study, validate or []))
     run, replaced = _save(result, table, out)
     _print(result, table, Path(run.folder), verbose=verbose, json=json)
@@ -206,14 +208,19 @@ def _shared_format_finding(study: Study, validate: list[str]) -> list[Finding]:
 
 
 def _identified(
-    study: Study, threads: int, *, compare: bool, quiet: bool
+    study: Study, threads: int, fleet: str | None, *, compare: bool, chosen: str | None, quiet: bool
 ) -> tuple[Prepared, Result, MethodTable | None]:
-    """Identify the model with a progress bar; return the prepared data, the result and the comparison of methods."""
+    """Identify the model with a progress bar; return the prepared data, the result and the comparison of methods.
+
+    `chosen` is the value of --method.
+    """
     from armid.cli.console import progress
     from armid.study.compare_methods import compare_methods
     from armid.study.identify import conclude
     from armid.study.prepare import prepare
 
+    if fleet is not None:
+        return *identified_with_fleet(study, fleet, threads, compare=compare, method=chosen, quiet=quiet), None
     with progress(quiet=quiet) as tell:
         prepared = prepare(study, threads=threads, progress=tell)
         result = conclude(prepared, progress=tell)

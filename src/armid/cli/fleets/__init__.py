@@ -1,0 +1,1 @@
+"""Command `armid fleet`."""

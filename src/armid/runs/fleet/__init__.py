@@ -1,0 +1,1 @@
+"""Fleets on disk: folder, reader, and comparison with an earlier fleet."""
