@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from armid.checked_array import Array
-from armid.information import weighted_rows
+from armid.information import kept_rows as module
 from armid.information.accumulate import accumulate_information
 from armid.information.base_regressor_layout import column_source
 from armid.information.information import total
-from armid.information.kept_rows import Batch, KeptRows
+from armid.information.kept_rows import Batch, KeptRows, kept_rows
 from armid.information.weighted_rows import weighted_information
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations
@@ -79,7 +81,7 @@ def test_rows_are_kept_only_while_they_are_few(monkeypatch: pytest.MonkeyPatch):
     source, given = column_source(MODEL, BASE), observations()
     few = KeptRows(source, given)
     assert [id(batch) for batch in few] == [id(batch) for batch in few]
-    monkeypatch.setattr(weighted_rows, "KEPT", 1000)
+    monkeypatch.setattr(module, "KEPT", 1000)
     many = KeptRows(source, given)
     first = weighted_information(many, once)
     assert {id(batch.x) for batch in list(many)}.isdisjoint({id(batch.x) for batch in list(few)})
@@ -91,3 +93,13 @@ def test_a_pass_that_was_broken_off_keeps_nothing():
     every = KeptRows(column_source(MODEL, BASE), observations())
     next(iter(every))
     assert len(list(every)) == 2
+
+
+def test_rows_of_the_same_observations_are_shared_and_end_with_them():
+    given = observations()
+    assert kept_rows(MODEL, BASE, given) is kept_rows(MODEL, BASE, given)
+    assert kept_rows(MODEL, BASE, given) is not kept_rows(MODEL, BASE, observations())
+    alive = weakref.ref(kept_rows(MODEL, BASE, given))
+    del given
+    gc.collect()
+    assert alive() is None
