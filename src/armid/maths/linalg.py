@@ -80,6 +80,11 @@ def orthonormal(A: Array) -> tuple[Array, Array, Array] | None:
     return (Q, R, inverse) if np.abs(inverse).max(initial=0.0) < CLEAR else None
 
 
+def triangular_factor(A: Array) -> Array:
+    """Triangular factor R of the QR factorisation A = Q R of a matrix A (rows, b), shape (min(rows, b), b)."""
+    return np.asarray(np.linalg.qr(A, mode="r"), dtype=np.float64)
+
+
 def inverse_of(matrix: Array) -> Array:
     """Inverse of a positive definite matrix; it is symmetric and positive definite in spite of rounding errors."""
     half = half_of(matrix)

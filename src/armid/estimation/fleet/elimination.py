@@ -16,7 +16,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.estimation.fleet.layout import FleetLayout
-from armid.maths.linalg import null_directions, unit_columns
+from armid.maths.linalg import null_directions, triangular_factor, unit_columns
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -63,17 +63,17 @@ def eliminate(rows: Array, layout: FleetLayout, deviation: Array) -> Eliminated:
     wide[: len(rows), -1] = rows[:, -1]
     wide[len(rows) :, :m] = np.diag(1.0 / deviation)
     wide[len(rows) :, m : m + a + d] = -layout.mean_map / deviation[:, None]
-    R = np.linalg.qr(wide, mode="r")
+    R = triangular_factor(wide)
     factor = np.zeros((a + d + 1, a + d + 1))
     factor[: len(R) - m] = R[m : m + a + d + 1, m:]
-    return Eliminated(np.linalg.inv(R[:m, :m]), R[:m, m:-1], R[:m, -1], factor)
+    return Eliminated(np.asarray(np.linalg.inv(R[:m, :m]), dtype=np.float64), R[:m, m:-1], R[:m, -1], factor)
 
 
 def merged_factor(factors: Sequence[Array]) -> Array:
     """Triangular factor of the stacked factors of several units, shape (x + 1, x + 1)."""
     result = factors[0]
     for factor in factors[1:]:
-        result = np.linalg.qr(np.concatenate([result, factor]), mode="r")
+        result = triangular_factor(np.concatenate([result, factor]))
     return result
 
 
@@ -101,7 +101,7 @@ def solve_common(factor: Array, names: Sequence[str]) -> Common:
     R, side = factor[:-1, :-1], factor[:-1, -1]
     directions = null_directions(R)
     if len(directions):
-        touched = np.flatnonzero(np.abs(directions).max(axis=0) > 0.1 * np.abs(directions).max())
+        touched = np.flatnonzero(np.abs(directions).max(axis=0) > 0.1 * np.abs(directions).max()).tolist()
         raise EstimationError(
             f"The units together determine only {len(names) - len(directions)} of {len(names)} common parameters; "
             f"they do not determine {', '.join(names[k] for k in touched)}.",

@@ -115,7 +115,8 @@ def estimate_fleet(units: Mapping[str, Information], own: NDArray[np.bool_]) -> 
     state, population = first_rounds(data)
     count, m = len(data.names), data.layout.count
     score, odd, bodies = np.full((count, m), np.nan), list[OddUnknown](), list[OddBodies]()
-    for repeat in range(REPEATS):
+    repeats = 0
+    while True:
         others = others_without_each(data, population)
         scatter = scatter_of_others(data, state, population, others)
         priors = left_out_priors(data, state, others, scatter[0])
@@ -125,7 +126,8 @@ def estimate_fleet(units: Mapping[str, Information], own: NDArray[np.bool_]) -> 
             bodies = odd_bodies(data, state, population, others)
         without = _without(data, state, odd, bodies)
         same = np.array_equal(without.kept, state.kept) and np.array_equal(without.usual, state.usual)
-        if same or repeat == REPEATS - 1:
+        repeats += 1
+        if same or repeats == REPEATS:
             break
         state, population = rounds(data, without)
     order = list(units)

@@ -13,7 +13,7 @@ from armid.estimation.fleet.unit_update import FleetPrior
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.scale_covariance import scale_covariance
 from armid.information.information import stack, total
-from armid.maths.linalg import condition, inverse_of, root_of, scaled_condition
+from armid.maths.linalg import condition, inverse_of, root_of, scaled_condition, triangular_factor
 from armid.threads import one_blas_thread
 
 
@@ -44,7 +44,7 @@ class FleetPriorEstimator:
         rows, side = stack(whole, weights)
         root = root_of(prior.covariance)
         wide = np.concatenate([np.column_stack([rows @ root, side - rows @ prior.mean]), np.eye(b, b + 1)])
-        R = np.linalg.qr(wide, mode="r")
+        R = triangular_factor(wide)
         inner = np.linalg.inv(R[:b, :b])
         half = root @ inner
         white, values = half @ half.T, prior.mean + half @ R[:b, -1]

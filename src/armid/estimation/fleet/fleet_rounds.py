@@ -105,13 +105,14 @@ def rounds(data: FleetData, state: FleetState) -> tuple[FleetState, Population]:
     Raises:
         EstimationError: The units do not determine all common unknowns.
     """
+    population = _population(data, state, np.maximum(state.deviation, AGAIN * data.first))
     for _ in range(ROUNDS):
-        population = _population(data, state, np.maximum(state.deviation, AGAIN * data.first))
         before = state
         state = replace(_updated(data, state, population), deviation=population.deviation)
         noise = np.abs(np.log(state.noise / before.noise)).max()
         if max(noise, np.abs(state.scale - before.scale).max()) <= SETTLED:
             break
+        population = _population(data, state, np.maximum(state.deviation, AGAIN * data.first))
     return state, population
 
 

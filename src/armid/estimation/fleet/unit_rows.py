@@ -12,6 +12,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.estimation.fleet.layout import FleetLayout
 from armid.information.information import Information
+from armid.maths.linalg import triangular_factor
 
 SMALLEST = 1e-10
 """Ratio of a singular value to the largest one, for columns of unit length, below which rows say nothing about a
@@ -44,7 +45,7 @@ def unit_rows(whole: Information, layout: FleetLayout, weights: Array, values: A
         rows[:, -1] = side + (scale[j] - 1.0) * predicted
         parts.append(weights[j] * rows)
     stacked = np.concatenate([*parts, np.zeros((m + len(layout.shared) + 1, m + len(layout.shared) + 1))])
-    return np.linalg.qr(stacked, mode="r")
+    return triangular_factor(stacked)
 
 
 def residual_squares(information: Information, values: Array, scale: Array) -> Array:

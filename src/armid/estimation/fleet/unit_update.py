@@ -11,7 +11,7 @@ from armid.errors import EstimationError
 from armid.estimation.fleet.layout import FleetLayout
 from armid.estimation.fleet.unit_rows import unit_rows
 from armid.information.information import Information, total
-from armid.maths.linalg import root_of
+from armid.maths.linalg import root_of, triangular_factor
 from armid.model.parameter_name import ParameterName, parameter_names
 
 STEPS = 8
@@ -120,9 +120,8 @@ def update_unit(prior: FleetPrior, information: Information, layout: FleetLayout
         ordered[:, b:] = rows[:, d:m]
         ordered[:, layout.shared] = rows[:, m:-1]
         side = rows[:, -1] + ordered[:, b:] @ np.ones(n) - ordered @ mean
-        R = np.linalg.qr(
-            np.concatenate([np.column_stack([ordered @ root, side]), np.eye(b + n, b + n + 1)]), mode="r"
-        )
+        whitened = np.column_stack([ordered @ root, side])
+        R = triangular_factor(np.concatenate([whitened, np.eye(b + n, b + n + 1)]))
         inner = np.linalg.inv(R[: b + n, : b + n])
         found = mean + root @ (inner @ R[: b + n, -1])
         change = np.abs(found[b:] - scale).max()

@@ -39,7 +39,7 @@ def fleet_rows(fleet: FleetIdentification) -> tuple[FleetRow, ...]:
     """Rows for all units, each with its own parameters and torque scales, in the order of the fleet file."""
     estimate, base = fleet.estimate, fleet.base
     joints = fleet.robot.joint_names
-    place = {name: k for k, name in enumerate(base.names)}
+    place: dict[str, int] = {name: k for k, name in enumerate(base.names)}
     odd = {(each.unit, each.parameter): each.joint for each in estimate.odd}
     rows: list[FleetRow] = []
     for u, (name, result) in enumerate(zip(estimate.units, fleet.results, strict=True)):
