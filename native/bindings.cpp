@@ -1,10 +1,8 @@
 // Python bindings: conversion of arrays, choice of the instruction set, threads over blocks. No mathematics.
 #include "bindings.hpp"
 
-#include <exception>
-#include <thread>
-
 #include "tape.hpp"
+#include "workers.hpp"
 
 using armid::Arm;
 using armid::ArmData;
@@ -15,6 +13,7 @@ using armid::Layout;
 using armid::layout_of;
 using armid::Out;
 using armid::require;
+using armid::run_workers;
 using armid::Samples;
 
 namespace {
@@ -114,27 +113,9 @@ void factor(const std::string& isa, const ArmData& data, In<std::int32_t> offset
   const std::int64_t* bound = bounds.data();
   nb::gil_scoped_release release;
   const int workers = std::clamp(threads, 1, blocks);
-  std::vector<std::exception_ptr> failures(workers);
-  const auto work = [&](int w) {
-    try {
-      k.factor(data.arm, layout, in, bound, blocks * w / workers, blocks * (w + 1) / workers, size, by_gram, R);
-    } catch (...) {
-      failures[w] = std::current_exception();
-    }
-  };
-  std::vector<std::thread> others;
-  for (int w = 1; w < workers; ++w) {
-    try {
-      others.emplace_back(work, w);
-    } catch (const std::exception&) {
-      work(w);  // no thread or no memory to be had: this one does its blocks, too
-    }
-  }
-  work(0);
-  for (std::thread& other : others) other.join();
-  for (const std::exception_ptr& failure : failures) {
-    if (failure) std::rethrow_exception(failure);
-  }
+  run_workers(workers, [&](int w) {
+    k.factor(data.arm, layout, in, bound, blocks * w / workers, blocks * (w + 1) / workers, size, by_gram, R);
+  });
 }
 
 void factor_columns(const std::string& isa, In<double> x, In<std::int64_t> bounds, Out<double> out) {

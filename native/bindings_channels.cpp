@@ -1,8 +1,6 @@
 // Python bindings of the passes over the channels of a recording: checks of arrays, and threads over pieces.
-#include <exception>
-#include <thread>
-
 #include "bindings.hpp"
+#include "workers.hpp"
 
 namespace armid {
 
@@ -33,30 +31,12 @@ void zero_phase(const std::string& isa, In<double> x, In<double> sections, std::
   nb::gil_scoped_release release;
   const std::ptrdiff_t pieces = (channels.samples + piece - 1) / piece;
   const int workers = static_cast<int>(std::clamp<std::ptrdiff_t>(threads, 1, pieces));
-  std::vector<std::exception_ptr> failures(workers);
-  const auto work = [&](int w) {
-    try {
-      const std::ptrdiff_t begin = pieces * w / workers * piece;
-      const std::ptrdiff_t end =
-          std::min(pieces * (w + 1) / workers * static_cast<std::ptrdiff_t>(piece), channels.samples);
-      k.zero_phase(channels, filter, piece, begin, end, out);
-    } catch (...) {
-      failures[w] = std::current_exception();
-    }
-  };
-  std::vector<std::thread> others;
-  for (int w = 1; w < workers; ++w) {
-    try {
-      others.emplace_back(work, w);
-    } catch (const std::exception&) {
-      work(w);  // no thread or no memory to be had: this one does its pieces, too
-    }
-  }
-  work(0);
-  for (std::thread& other : others) other.join();
-  for (const std::exception_ptr& failure : failures) {
-    if (failure) std::rethrow_exception(failure);
-  }
+  run_workers(workers, [&](int w) {
+    const std::ptrdiff_t begin = pieces * w / workers * piece;
+    const std::ptrdiff_t end =
+        std::min(pieces * (w + 1) / workers * static_cast<std::ptrdiff_t>(piece), channels.samples);
+    k.zero_phase(channels, filter, piece, begin, end, out);
+  });
 }
 
 void speeds(const std::string& isa, In<double> x, std::int64_t half, double scale, std::int64_t begin,

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module, util
@@ -229,7 +230,7 @@ def _load_lapack() -> None:
     """Loads the functions of LAPACK that Clarabel takes from SciPy, without the rest of `scipy.linalg`.
 
     Clarabel imports two modules of functions from this package, and the package imports much else, which takes longer
-    than most programs here. Where the two modules cannot be found alone, Clarabel imports them itself.
+    than most programs here. Where one of the two cannot be loaded alone, Clarabel imports them itself.
     """
     if "scipy.linalg" in sys.modules:
         return
@@ -238,9 +239,10 @@ def _load_lapack() -> None:
         spec = PathFinder.find_spec(name, places)
         if spec is None or spec.loader is None:
             return
-        module = util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        sys.modules[name] = module
+        with suppress(ImportError):
+            module = util.module_from_spec(spec)
+            spec.loader.exec_module(module)
+            sys.modules[name] = module
 
 
 def _for_solver(cone: Cone, clarabel: Any) -> tuple[Array, Array, Any]:
