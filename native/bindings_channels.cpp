@@ -67,12 +67,40 @@ void third_differences(const std::string& isa, In<double> x, In<double> time, st
   k.third_differences(channels, at, begin, end, to, least);
 }
 
+void decimate_channels(const std::string& isa, In<double> x, In<double> taps, std::int64_t step, Out<double> out) {
+  const Channels channels = channels_of(x);
+  require(out.ndim() == 2 && out.shape(1) == x.shape(1), "out must be (rows, n)");
+  require(taps.size() > 0 && step > 0, "there must be taps and a step");
+  const std::int64_t rows = static_cast<std::int64_t>(out.shape(0)), length = static_cast<std::int64_t>(taps.size());
+  require(rows == 0 || rows <= (channels.samples - length) / step + 1, "the filter must lie inside of x");
+  require(rows == 0 || length <= channels.samples, "the filter must lie inside of x");
+  const Kernel& k = kernel(isa);
+  const double* weights = taps.data();
+  double* to = out.data();
+  nb::gil_scoped_release release;
+  k.decimate_channels(channels, weights, static_cast<int>(length), step, rows, to);
+}
+
+void heights(const std::string& isa, In<double> padded, std::int64_t length, Out<double> height,
+             Out<double> difference) {
+  const std::int64_t runs = static_cast<std::int64_t>(height.size());
+  require(length > 0 && difference.size() == height.size(), "height and difference must be (runs,)");
+  require(static_cast<std::int64_t>(padded.size()) == runs + length + 5, "padded must be (runs + length + 5,)");
+  const Kernel& k = kernel(isa);
+  const double* from = padded.data();
+  double *of = height.data(), *between = difference.data();
+  nb::gil_scoped_release release;
+  k.heights(from, runs, static_cast<int>(length), of, between);
+}
+
 }  // namespace
 
 void bind_channels(nb::module_& m) {
   bind(m, "zero_phase", &zero_phase);
   bind(m, "speeds", &speeds);
   bind(m, "third_differences", &third_differences);
+  bind(m, "decimate_channels", &decimate_channels);
+  bind(m, "heights", &heights);
 }
 
 }  // namespace armid

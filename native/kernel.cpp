@@ -8,6 +8,7 @@
 #include "factor.hpp"
 #include "gram.hpp"
 #include "play.hpp"
+#include "reduction.hpp"
 #include "reweighted.hpp"
 #include "rollout.hpp"
 #include "worth.hpp"
@@ -79,6 +80,8 @@ const Kernel ARMID_TABLE(ARMID_ISA) = {
     ARMID_ISA::zero_phase,
     ARMID_ISA::speeds,
     ARMID_ISA::third_differences,
+    ARMID_ISA::decimate_channels,
+    ARMID_ISA::heights,
     ARMID_ISA::columns_adjoint,
     ARMID_ISA::information,
     ARMID_ISA::information_adjoint,

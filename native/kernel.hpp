@@ -32,6 +32,12 @@ struct Kernel {
                  double* out);
   void (*third_differences)(const Channels&, const double* time, std::ptrdiff_t begin, std::ptrdiff_t end, double* out,
                             double* smallest);
+  // Sums (rows, n) of taps times the samples from r * step on; all samples lie inside of the channels.
+  void (*decimate_channels)(const Channels&, const double* taps, int length, std::ptrdiff_t step, std::ptrdiff_t rows,
+                            double* out);
+  // Heights (runs,) of runs of `length` samples of one channel, and differences of the medians beside them; `padded`
+  // has three samples more at both ends.
+  void (*heights)(const double* padded, std::ptrdiff_t runs, int length, double* height, double* difference);
   // Gradients (N, n) of the sum of cotangents (columns, N) times columns; N at least `lanes`.
   void (*columns_adjoint)(const Arm&, const Layout&, const Samples&, const double* cotangent, std::ptrdiff_t N,
                           double* q, double* dq, double* ddq);

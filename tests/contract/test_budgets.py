@@ -23,9 +23,9 @@ MORE_ATTRIBUTES = {
     "Fit": 19,  # what an estimate is judged by, each number of a kind of its own
     "ProcessingOptions": 13,  # each field is a key of `[processing]` in a study
     "DesignConstraints": 13,  # each field is a limit that a design may have
-    "LogFormat": 21,  # each field is a key of `[[recording]]` in a study
+    "LogFormat": 22,  # each field is a key of `[[recording]]` in a study
     "PhysicallyConsistent": 12,  # each field is an option of the method in a study
-    "Recording": 17,  # what a log may hold: six quantities, how far they can be trusted, what its reader noticed
+    "Recording": 18,  # what a log may hold: six quantities, how far they can be trusted, what its reader noticed
     "Robot": 11,  # what a description says of an arm
 }
 """Classes past the budget, with their number of attributes."""

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from armid.kernel.channels import passes
-from armid.kernel.channels.passes import speeds, third_differences, trapezoidal_sections, zero_phase
+from armid.kernel.channels.passes import (
+    decimate,
+    heights,
+    speeds,
+    third_differences,
+    trapezoidal_sections,
+    zero_phase,
+)
 from armid.maths.signals.zero_phase_filters import butterworth, gain, settling_samples
 from problems import COMPILED, TWIN
 
@@ -110,3 +117,39 @@ def test_speeds_and_third_differences_are_those_of_the_twin(channels: int):
             found, least = third_differences(q, time, begin, last, chosen=build)
             assert np.allclose(found, third, rtol=0.0, atol=DIFFERENCES)
             assert np.array_equal(least, smallest)
+
+
+@pytest.mark.parametrize("channels", [1, 7, 8, 17])
+@pytest.mark.parametrize(("step", "length"), [(1, 1), (3, 7), (8, 105)])
+def test_decimated_channels_are_those_of_the_twin(channels: int, step: int, length: int):
+    """Numbers of rows that fill the kernel's groups and that do not, also up to the last sample."""
+    rng = np.random.default_rng(channels)
+    x, taps = rng.normal(size=(500, channels)), rng.normal(size=length)
+    most = (500 - length) // step + 1
+    for first, rows in ((0, most), (0, 1), (5, (495 - length) // step + 1), (2, 3)):
+        known = decimate(x, taps, step, first, rows, chosen=TWIN)
+        for build in COMPILED:
+            found = decimate(x, taps, step, first, rows, chosen=build)
+            assert np.allclose(found, known, rtol=0.0, atol=1e-13 * length)  # rounding of sums in another order
+
+
+def test_a_value_that_is_no_number_spoils_the_filtered_values_of_its_channel_alone():
+    x = np.ones((200, 3))
+    x[100, 1] = np.nan
+    for build in (TWIN, *COMPILED):
+        found = decimate(x, np.full(11, 1.0 / 11.0), 5, 0, 38, chosen=build)
+        spoilt = [r for r in range(38) if 5 * r <= 100 < 5 * r + 11]
+        assert np.flatnonzero(np.isnan(found[:, 1])).tolist() == spoilt
+        assert np.isfinite(found[:, [0, 2]]).all()
+
+
+@pytest.mark.parametrize("length", [1, 2, 3, 10])
+def test_heights_of_runs_are_those_of_the_twin(length: int):
+    """Numbers of runs below and above the width of a register; maxima and minima are exact."""
+    rng = np.random.default_rng(length)
+    for runs in (1, 3, 8, 29, 1000):
+        padded = np.where(rng.uniform(size=runs + length + 5) < 0.1, 9.0, 1.0) * rng.normal(size=runs + length + 5)
+        known = heights(padded, length, chosen=TWIN)
+        for build in COMPILED:
+            for one, other in zip(heights(padded, length, chosen=build), known, strict=True):
+                assert np.array_equal(one, other)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol, cast
 from armid.lazy_catalogue import Catalogue
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from armid.measurement.log_format import LogFormat
@@ -25,6 +26,28 @@ class RecordingReader(Protocol):
 
         The function `load_recording` then adds the path to the recording.
         """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingPieces:
+    """Recording that is read piece by piece, so that it need not fit into memory.
+
+    Attributes:
+        samples: Number of samples of all pieces together.
+        pieces: Successive parts of the recording as logged; they can be iterated once.
+    """
+
+    samples: int
+    pieces: Iterator[Recording]
+
+
+class PieceReader(Protocol):
+    """Interface of a module that can read its format piece by piece, too."""
+
+    @staticmethod
+    def pieces(path: Path, log_format: LogFormat, robot: Robot | None, length: int) -> RecordingPieces | None:
+        """Opens one file to be read in pieces of about `length` samples; `None` if it must be read as a whole."""
         ...
 
 
@@ -65,6 +88,12 @@ class RecordingFormat:
     def reader(self) -> RecordingReader:
         """Module that reads this format; it is imported on first use."""
         return cast("RecordingReader", import_module(self.module))
+
+    @property
+    def piece_reader(self) -> PieceReader | None:
+        """Module that reads this format piece by piece; `None` if it only reads whole files."""
+        module = import_module(self.module)
+        return cast("PieceReader", module) if hasattr(module, "pieces") else None
 
 
 TEXT_ALSO_OF_OTHERS = (".txt", ".dat", ".asc", ".log")

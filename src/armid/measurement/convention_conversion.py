@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from armid.checked_array import Array
 from armid.errors import Finding, RecordingError
-from armid.maths.median import median
+from armid.maths.signals.unwrapping import whole_turn_jumps, without_turns
 from armid.measurement.columns.column_guessing import shortened
 from armid.measurement.columns.joint_assignment import in_joint_order
 from armid.measurement.log_format import LogFormat
@@ -226,12 +226,10 @@ def _unwrapped(q: Array, turns: NDArray[np.bool_], robot: Robot) -> tuple[Array,
     findings: list[Finding] = []
     q = q.copy()
     for i in np.flatnonzero(turns):
-        step = np.diff(q[:, i])
-        whole = np.round(step / (2 * np.pi))
-        jump = (whole != 0) & (np.abs(step - 2 * np.pi * whole) < WRAP_TOLERANCE)
-        if not jump.any() or median(np.abs(step)) >= WRAP_TOLERANCE:
+        jump, whole = whole_turn_jumps(q[:, i], 2 * np.pi, WRAP_TOLERANCE)
+        if not jump.any():
             continue
-        q[1:, i] -= 2 * np.pi * np.cumsum(np.where(jump, whole, 0.0))
+        q[:, i] = without_turns(q[:, i], jump, whole, 2 * np.pi)
         evidence = (
             f"The angle jumps by whole turns {jump.sum()} times, first after row {int(np.argmax(jump)) + 1}; it "
             "was made continuous."

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -22,6 +22,10 @@ Rounding of gear ratios causes a ratio of 1e-16; for real gears the ratio is abo
 
 LONGEST_DELAY = 1.0
 """Largest accepted delay between channels [s]; a larger value was probably given in another unit."""
+
+
+SLOWEST_RATE = 10.0
+"""Lowest rate to which a recording may be reduced [Hz]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +114,9 @@ class LogFormat:
             set to angles. It is looked for in the folder of the data set and in the folders above it.
         spikes: With `keep`, spikes are used like other samples. If not given, they are left out. Spikes are isolated
             samples of positions, velocities and torques that no arm can produce, such as zeros of a lost packet.
+        highest_rate: Sample rate [Hz] to which a recording is reduced by a low-pass filter and decimation if its rate
+            is at least twice as high; 0 keeps all samples. If not given, 1000 Hz, and less for more than 250 000
+            samples (`armid.measurement.reduction.reduced_rate`).
     """
 
     rate: float | None = None
@@ -133,10 +140,13 @@ class LogFormat:
     start: float | None = None
     calibration: str | None = None
     spikes: Literal["keep"] | None = None
+    highest_rate: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("rate", "time_unit"):
             _set(self, name, _positive(getattr(self, name), name))
+        if self.highest_rate is not None:
+            _set(self, "highest_rate", _highest_rate(self.highest_rate))
         if self.period != "none":
             _set(self, "period", _positive(self.period, "period", "a number above 0, or none"))
         if self.start is not None:
@@ -186,6 +196,10 @@ class LogFormat:
     def repeats(self) -> float | Literal["find"] | None:
         """Period [s]; `find` if it must be detected; `None` if the motion does not repeat."""
         return "find" if self.period is None else self.stated_period
+
+    def with_all_samples(self) -> LogFormat:
+        """Log format with which the rate of a recording is not reduced, unless a highest rate is stated."""
+        return self if self.highest_rate is not None else replace(self, highest_rate=0.0)
 
     def degrees(self, n: int) -> NDArray[np.bool_]:
         """Mask of the joints whose angles are logged in degrees, shape (n,), for n joints."""
@@ -265,6 +279,13 @@ def _positive(value: Any, name: str, possible: str = "a number above 0") -> floa
     if not 0 < number < math.inf or isinstance(value, bool):
         raise _wrong(name, value, possible)
     return number
+
+
+def _highest_rate(value: Any) -> float:
+    rate = float(_numbers(value, (), "highest_rate"))
+    if isinstance(value, bool) or (rate != 0.0 and rate < SLOWEST_RATE):
+        raise _wrong("highest_rate", value, f"0 for all samples, or a rate from {SLOWEST_RATE:g} Hz on")
+    return rate
 
 
 def _transmission(value: ArrayLike) -> Array:

@@ -40,6 +40,7 @@ class Recording(Displayed):
         effort_is_current: True if the effort is a motor current, which has not yet been converted to torque.
         columns: Names of the columns of each quantity, if the file has columns.
         number: Number of each sample in the original log, shape (N,), if some samples have been left out.
+        logged_rate: Sample rate of the log [Hz], if the samples were reduced to a lower rate; otherwise `None`.
         guessed: Fields of the log format that the reader has detected, for instance the columns.
         findings: Findings of the reader.
         source: Path of the file.
@@ -59,6 +60,7 @@ class Recording(Displayed):
     effort_is_current: bool = False
     columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, "tuple[str, ...]"])
     number: NDArray[np.int64] | None = None
+    logged_rate: float | None = None
     guessed: Mapping[str, Any] = field(default_factory=dict[str, Any])
     findings: tuple[Finding, ...] = ()
     source: str = ""

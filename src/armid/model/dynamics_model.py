@@ -24,6 +24,7 @@ from armid.model.hysteresis_memory import Coordinate, MemoryNode
 from armid.model.motion import Motion
 from armid.model.parameter_name import ParameterName
 from armid.model.terms import DEFAULT_TERMS, Law, RigidBody, Term
+from armid.model.terms.interval_means import set_means_at_reversals
 from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS, rigid_body_units
 from armid.model.torque_law_expression import derivative, evaluate, number, symbols, text
 from armid.notebook_display import Displayed, Summary, plural
@@ -217,7 +218,11 @@ class DynamicsModel(Displayed):
         values = np.empty((len(entries), motion.samples))
         of_joints = self._of_joints(motion, {name for _, _, law, _ in entries for name in symbols(law.expression)})
         for row, (_, _, law, weight) in zip(values, entries, strict=True):
-            row[:] = evaluate(law.expression, self._environment(law, of_joints))
+            environment = self._environment(law, of_joints)
+            row[:] = evaluate(law.expression, environment)
+            if motion.mean_over > 0.0 and "dq" in environment and law.memory is None:
+                acceleration = np.sum([w * motion.ddq[:, j] for j, w in law.coordinate], axis=0)
+                set_means_at_reversals(row, law.expression, environment, acceleration, motion.mean_over)
             if weight != 1.0:
                 row *= weight
         joint = np.array([e[0] for e in entries], dtype=np.int32)

@@ -23,6 +23,8 @@ class Motion(Displayed):
         ddq: Joint accelerations, shape (N, n) [rad/s² or m/s²].
         memory: Hysteresis states of a model at the samples, shape (N, m), computed by `DynamicsModel.remember` along
             the whole contiguous run; `None` if there are none.
+        mean_over: Length of the interval around each sample over which the torque there is a mean [s]; 0 if it is
+            that of an instant. Friction is averaged over it where a joint reverses.
     """
 
     time: Array
@@ -30,6 +32,7 @@ class Motion(Displayed):
     dq: Array
     ddq: Array
     memory: Array | None = None
+    mean_over: float = 0.0
 
     def __post_init__(self) -> None:
         q = array(self.q, (None, None), "q")
@@ -68,7 +71,14 @@ class Motion(Displayed):
         for name in ("time", "q", "dq", "ddq", "memory"):
             values = getattr(self, name)
             object.__setattr__(part, name, None if values is None else values[rows])
+        object.__setattr__(part, "mean_over", self.mean_over)
         return part
+
+    def with_means(self, seconds: float) -> Motion:
+        """Motion whose torque is a mean over an interval of the given length [s] around each sample."""
+        whole = self[:]
+        object.__setattr__(whole, "mean_over", float(seconds))
+        return whole
 
     def with_memory(self, memory: Array) -> Motion:
         """Motion with the given hysteresis states (N, m); the array is not copied and becomes read-only."""

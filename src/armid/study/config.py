@@ -115,6 +115,10 @@ class RecordingChoice:
             problem = f"{self.path}: the key `part` must be two increasing shares from 0 to 1; found {self.part}."
             raise StudyError(problem, remedy="write for instance part = [0.0, 0.7] for the first 70 %.")
 
+    def with_all_samples(self) -> RecordingChoice:
+        """Choice whose recording is not reduced, unless its log format states a highest rate."""
+        return dataclasses.replace(self, reading=self.reading.with_all_samples())
+
 
 PER_RECORDING = ("friction_per_recording", "offset_per_recording")
 """Keys of the table [estimation] that give each recording friction or offsets of its own."""
@@ -167,7 +171,8 @@ class Study(Displayed):
     servo: ServoChoice = field(default_factory=ServoChoice)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "recordings", tuple(self.recordings))
+        every = self.processing.needs_all_samples
+        object.__setattr__(self, "recordings", tuple(r.with_all_samples() if every else r for r in self.recordings))
         if not any(recording.role == "train" for recording in self.recordings):
             raise StudyError('No recording has the role "train".', remedy='write role = "train" in a [[recording]].')
         if self.estimation.method == AUTOMATIC_METHOD and not self.model.automatic:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,13 +18,13 @@ from armid.measurement.convention_conversion import to_robot_convention, underst
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.pipeline import process_recording
-from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
 from armid.model.dynamics_model import DynamicsModel
 from armid.remedy import Remedy
 from armid.robot import Robot
 from armid.study.config import RecordingChoice, Study, build_model, load_choice
 from armid.study.recordings.labels import labels, together
+from armid.study.recordings.reading import recording_as_logged
 from armid.study.remedy_translation import tables_of
 from armid.threads import one_blas_thread
 from armid.validation.gravity_sign import gravity_finding
@@ -72,9 +71,7 @@ def diagnose(study: Study, *, given: Mapping[str, Recording] | None = None) -> t
     model = build_model(robot, study.model) if study.model.terms else None
     result: list[Diagnosis] = []
     for choice in {(each.path, repr(each.reading)): each for each in study.recordings}.values():
-        raw = (given or {}).get(choice.path)
-        if raw is None:
-            raw = load_recording(Path(study.folder) / choice.path, choice.reading, robot)
+        raw = recording_as_logged(choice, study.folder, robot, given)
         found = diagnose_recording(robot, raw, choice.reading, model, processing=study.processing)
         result.append(Diagnosis(choice.path, found))
     return tuple(result)

@@ -146,3 +146,49 @@ def third_differences(
     out, smallest = np.empty((q.shape[1], end - begin)), np.full(q.shape[1], np.inf)
     _native.third_differences(chosen, q, time, begin, out, smallest)
     return out, smallest
+
+
+def decimate(x: Array, taps: Array, step: int, first: int, rows: int, *, chosen: str | None = None) -> Array:
+    """Filters channels with a filter of finite length and keeps every `step`-th sample, shape (rows, n).
+
+    A value that is not finite makes the results of its channel not finite whose filter reaches it.
+
+    Args:
+        x: Channels, shape (N, n).
+        taps: Weights of successive samples, shape (k,); the filter of each kept sample lies inside of `x`.
+        step: Number of samples from one kept sample to the next.
+        first: First sample of the filter of the first kept sample.
+        rows: Number of kept samples.
+        chosen: Build of the kernel.
+    """
+    chosen = chosen or in_use()
+    x, taps = np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(taps, dtype=np.float64)
+    if chosen == TWIN:
+        return reference_passes.decimate(x, taps, step, first, rows)
+    out = np.empty((rows, x.shape[1]))
+    _native.decimate_channels(chosen, x[first:], taps, step, out)
+    return out
+
+
+def heights(padded: Array, length: int, *, chosen: str | None = None) -> tuple[Array, Array]:
+    """Heights of all runs of `length` successive samples of a channel, and differences of the medians beside them.
+
+    The medians are those of the three samples before a run and of the three samples behind it. The height of a run is
+    the distance of its samples from the interval between the two medians; it is zero if a sample directly beside the
+    run is farther than half of this distance from the median of its side.
+
+    Args:
+        padded: Finite samples with three more at each end, shape (runs + length + 5,).
+        length: Number of samples of a run.
+        chosen: Build of the kernel.
+
+    Returns:
+        Heights and differences, shape (runs,) each.
+    """
+    chosen = chosen or in_use()
+    padded = np.ascontiguousarray(padded, dtype=np.float64)
+    if chosen == TWIN:
+        return reference_passes.heights(padded, length)
+    height, difference = np.empty((2, len(padded) - length - 5))
+    _native.heights(chosen, padded, length, height, difference)
+    return height, difference

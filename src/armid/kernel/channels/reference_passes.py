@@ -46,3 +46,23 @@ def third_differences(q: Array, time: Array, begin: int, end: int) -> tuple[Arra
     weight /= np.linalg.norm(weight, axis=0)
     third = sum((w[:, None] * x for w, x in zip(weight, values, strict=True)), start=np.zeros(()))
     return np.ascontiguousarray(np.abs(third).T), smallest
+
+
+def decimate(x: Array, taps: Array, step: int, first: int, rows: int) -> Array:
+    """Weighted sums of `len(taps)` samples from `first` on, one every `step` samples, shape (rows, n)."""
+    windows = np.lib.stride_tricks.sliding_window_view(x[first:], len(taps), axis=0)[::step][:rows]
+    return np.ascontiguousarray(windows @ taps)
+
+
+def heights(padded: Array, length: int) -> tuple[Array, Array]:
+    """Heights of runs of `length` samples and differences of the medians beside them, as in `passes.heights`."""
+    a, b, c = padded[:-2], padded[1:-1], padded[2:]
+    middle = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
+    runs = len(padded) - length - 5
+    before, behind = middle[:runs], middle[length + 3 : length + 3 + runs]
+    windows = np.lib.stride_tricks.sliding_window_view(padded[3 : 2 + length + runs], length)
+    low, high = windows.min(axis=1), windows.max(axis=1)
+    height = np.maximum(np.maximum(low - np.maximum(before, behind), np.minimum(before, behind) - high), 0.0)
+    last, following = padded[2 : 2 + runs], padded[length + 3 : length + 3 + runs]
+    alone = np.maximum(np.abs(last - before), np.abs(following - behind)) <= height / 2
+    return np.where(alone, height, 0.0), np.abs(before - behind)

@@ -105,6 +105,14 @@ class ProcessingOptions:
             )
 
     @property
+    def needs_all_samples(self) -> bool:
+        """True if the rate of recordings must not be reduced.
+
+        Each sample is a row, the torque alone is filtered, or the samples at both ends belong to whole periods.
+        """
+        return self.family == "none" or self.decimate == 0.0 or not self.columns or self.edges == "periodic"
+
+    @property
     def band(self) -> Band:
         """Band in which torque and model are compared.
 

@@ -36,6 +36,7 @@ from armid.measurement.processing.uniform_runs import (
 )
 from armid.measurement.processing.unusable_runs import brief_run, no_run_left, unusable_runs
 from armid.measurement.recording import Recording
+from armid.measurement.reduction.reduced_rate import require_band
 from armid.model.motion import Motion
 from armid.remedy import Remedy, setting
 
@@ -153,6 +154,8 @@ def process_recording(
         else:
             runs.append(run)
             still.append(sticks_and_rests(segment.q, segment.rate, noise, every=processing.standstill == "moving"))
+    if recording.logged_rate is not None:
+        runs = [replace(run, motion=run.motion.with_means(1.0 / run.rate)) for run in runs]
     findings.extend(unusable_runs(unusable, recording.source))
     if not runs:
         raise no_run_left(recording, findings)
@@ -162,20 +165,28 @@ def process_recording(
 def resolve_options(processing: ProcessingOptions, recordings: Sequence[Recording]) -> ProcessingOptions:
     """Replaces an automatic cut-off by a frequency that is determined from the motion of all recordings.
 
-    The cut-off is the highest frequency that any recording needs. If no recording has consecutive rows, nothing can
-    be filtered, and the filter is left out.
+    If no recording has consecutive rows, nothing can be filtered, and the filter is left out.
+
+    Raises:
+        RecordingError: The rate of a recording was reduced so far that it is too low for the cut-off.
     """
-    if processing.cutoff != "auto":
-        return processing
-    found: list[float] = []
+    if processing.cutoff == "auto":
+        cutoff = _automatic_cutoff(recordings)
+        processing = replace(processing, **({"cutoff": cutoff} if cutoff else {"cutoff": 0.0, "family": "none"}))
+    for recording in recordings:
+        require_band(recording, _highest_cutoff(processing))
+    return processing
+
+
+def _automatic_cutoff(recordings: Sequence[Recording]) -> float:
+    """Highest frequency that any recording needs [Hz]; 0 if none has consecutive rows."""
+    found: list[float] = [0.0]
     for recording in recordings:
         if recording.consecutive is not False:
             segment = max(cut_at_gaps(recording, None)[0], key=lambda segment: segment.samples)
             segment = resample_uniform(segment, None, 0.0, each=False)
             found.append(automatic_cutoff(segment.q, segment.rate))
-    if not found:
-        return replace(processing, cutoff=0.0, family="none")
-    return replace(processing, cutoff=max(found))
+    return max(found)
 
 
 def _run_of_segment(

@@ -19,8 +19,14 @@ from numpy.typing import NDArray
 from armid.checked_array import Array
 from armid.errors import Finding
 from armid.maths.median import median
-from armid.maths.signals.isolated_samples import FEWEST, heights, isolated_samples, marked, smallest_step
 from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.channels.isolated_samples import (
+    FEWEST,
+    heights,
+    isolated_samples,
+    marked,
+    smallest_step,
+)
 from armid.measurement.recording import Recording
 from armid.remedy import Remedy, setting
 from armid.robot.robot import Robot
@@ -78,7 +84,8 @@ class Channels:
     """Units and speed limits of the channels of a log.
 
     Attributes:
-        speed: Largest plausible speed of each channel, shape (n,) [units of the log per second].
+        speed: Largest plausible speed of each channel, shape (n,) [units of the log per second]; infinite if
+            unknown.
         turn: Full turn of each channel, shape (n,) [units of the log]; infinite for prismatic joints.
         units: Units of the positions.
         effort_units: Units of the efforts.
@@ -125,11 +132,26 @@ def without_spikes(
         found["effort"] = isolated_samples(recording.effort, usual_step)
     if recording.command is not None:
         found["command"] = impossible_positions(recording.command, time, channels.speed, channels.turn)
+    return interpolate_spikes(recording, found, time, channels, kept=log_format.spikes == "keep")
+
+
+def interpolate_spikes(
+    recording: Recording, found: dict[str, Flags], time: Array, channels: Channels, *, kept: bool
+) -> tuple[Recording, tuple[Finding, ...]]:
+    """Interpolates and masks samples that were found to be spikes, and the findings about them.
+
+    Args:
+        recording: Recording in the units of the log.
+        found: Mask of the spikes of each examined quantity, shape (N, n) each. Rows of zeros beside a spike are
+            added to them in place.
+        time: Times of the samples, shape (N,) [s].
+        channels: Units and speed limits of the channels.
+        kept: True if the samples are left as they are, so that there are only findings.
+    """
     for name, flags in found.items():
         _add_lost_packets(flags, getattr(recording, name))
     if not any(flags.any() for flags in found.values()):
         return recording, ()
-    kept = log_format.spikes == "keep"
     findings = [
         _finding(recording, name, flags & recording.valid, time, channels, kept=kept)
         for name, flags in found.items()
@@ -337,6 +359,6 @@ def _largest(recording: Recording, quantity: str, flags: Flags, time: Array, cha
         f"The largest jump is that of {recording.channels[j]} at t = {time[row]:.3f} s: {values[row, j]:.4g} {unit} "
         f"next to {sides} {unit}."
     )
-    if quantity in ("q", "command"):
+    if quantity in ("q", "command") and np.isfinite(channels.speed[j]):
         text += f" That is faster than {FASTER:g} times its largest speed, {channels.speed[j]:.3g} {unit}/s."
     return text

@@ -11,6 +11,7 @@ from armid.measurement.catalogue import READERS, RecordingFormat, recording_suff
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.measurement.recording_paths import format_of_folder, sha256_of_recording, split_episode
+from armid.measurement.reduction.reduce import PIECE, reduce_pieces, reduce_recording
 from armid.robot.robot import Robot
 
 __all__ = ["load_recording"]
@@ -18,6 +19,8 @@ __all__ = ["load_recording"]
 
 def load_recording(path: Path | str, log_format: LogFormat | None = None, robot: Robot | None = None) -> Recording:
     """Reads a recording without conversion; `to_robot_convention` converts it to the convention of the robot.
+
+    A recording with a high sample rate is reduced (`highest_rate` of the log format).
 
     Args:
         path: File, whose suffix determines the format, or folder of a ROS bag, a LeRobot data set or SAGE; the name
@@ -33,9 +36,18 @@ def load_recording(path: Path | str, log_format: LogFormat | None = None, robot:
     with boundary("a recording", path, RecordingError, remedy="give the path of a file that exists."):
         form = _format(path)
     with boundary(form.title, path, RecordingError, remedy=form.repair):
-        recording = form.reader.read(path, log_format or LogFormat(), robot)
+        recording = _read(form, path, log_format or LogFormat(), robot)
         within("samples", recording.samples, str(path), RecordingError)
         return replace(recording, source=str(path), sha256=sha256_of_recording(path))
+
+
+def _read(form: RecordingFormat, path: Path, log_format: LogFormat, robot: Robot | None) -> Recording:
+    """Reads a recording, and reduces it if its rate is high; piece by piece, if the format allows it."""
+    reader = form.piece_reader
+    found = None if reader is None else reader.pieces(path, log_format, robot, PIECE)
+    if found is not None:
+        return reduce_pieces(found.pieces, found.samples, log_format)
+    return reduce_recording(form.reader.read(path, log_format, robot), log_format)
 
 
 def _format(path: Path) -> RecordingFormat:

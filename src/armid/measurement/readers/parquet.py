@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,16 @@ import numpy as np
 from armid.checked_array import Array
 from armid.errors import MissingExtraError, RecordingError
 from armid.input_boundary import within, within_unpacked
-from armid.measurement.columns.column_selection import assemble, numeric, select
+from armid.measurement.catalogue import RecordingPieces
+from armid.measurement.columns.column_selection import Selection, assemble, numeric, select
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 
 EXTRA = "io"
+
+BUFFER = 1 << 20
+"""Size of the parts of a column that are read at a time [bytes], where a file is read in pieces."""
 
 
 def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
@@ -26,19 +31,9 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
         RecordingError: The file is truncated or not a Parquet file, or a column is missing or not numeric.
         MissingExtraError: pyarrow is not installed.
     """
-    try:
-        import pyarrow.parquet as pq
-    except ImportError as error:
-        raise MissingExtraError("pyarrow", "Reading Parquet", EXTRA) from error
-    with pq.ParquetFile(path) as file:
+    with _pyarrow().ParquetFile(path) as file:
         within("samples", file.metadata.num_rows, str(path), RecordingError)
-
-        lists = [each.name for each in file.schema_arrow if is_list(each.type)]
-
-        def values(name: str) -> Array:
-            return numbers(file.read(columns=[name])[name], name, path)
-
-        selection = select(file.schema_arrow.names, log_format, path, robot, matrices=bool(lists), values=values)
+        selection = _selection(file, log_format, path, robot)
         within_unpacked(8 * file.metadata.num_rows * len(selection.names), path, RecordingError)
         table = file.read(columns=list(selection.names))
 
@@ -46,6 +41,58 @@ def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recor
         return numbers(table[name], name, path)
 
     return assemble(selection, column, log_format, path)
+
+
+def pieces(path: Path, log_format: LogFormat, robot: Robot | None, length: int) -> RecordingPieces | None:
+    """Pieces of a recording, read one after the other; `None` if the clock has two columns, which are read together.
+
+    Raises:
+        RecordingError: As for `read`.
+        MissingExtraError: pyarrow is not installed.
+    """
+    file = _pyarrow().ParquetFile(path, pre_buffer=False, buffer_size=BUFFER)  # else the whole file is kept in memory
+    try:
+        head = next(file.iter_batches(length), None)
+        if head is None or len((selection := _selection(file, log_format, path, robot, head)).time) > 1:
+            file.close()
+            return None
+    except BaseException:
+        file.close()
+        raise
+    return RecordingPieces(file.metadata.num_rows, _batches(file, selection, log_format, path, length))
+
+
+def _batches(file: Any, selection: Selection, log_format: LogFormat, path: Path, length: int) -> Iterator[Recording]:
+    """Yields the recording in batches of at most `length` rows, and closes the file at the end."""
+    with file:
+        for batch in file.iter_batches(length, columns=list(selection.names)):
+            table = _table(batch)
+            yield assemble(selection, lambda name, rows=table: numbers(rows[name], name, path), log_format, path)
+
+
+def _table(batch: Any) -> Any:
+    """Table of Arrow with the rows of a batch."""
+    return importlib.import_module("pyarrow").Table.from_batches([batch])
+
+
+def _selection(file: Any, log_format: LogFormat, path: Path, robot: Robot | None, head: Any = None) -> Selection:
+    """Columns of an open file that are read, chosen with the rows of the table `head`, or with all rows."""
+    lists = [each.name for each in file.schema_arrow if is_list(each.type)]
+
+    def values(name: str) -> Array:
+        rows = file.read(columns=[name]) if head is None else _table(head)
+        return numbers(rows[name], name, path)
+
+    return select(file.schema_arrow.names, log_format, path, robot, matrices=bool(lists), values=values)
+
+
+def _pyarrow() -> Any:
+    """Module of pyarrow that reads Parquet."""
+    try:
+        import pyarrow.parquet as pq
+    except ImportError as error:
+        raise MissingExtraError("pyarrow", "Reading Parquet", EXTRA) from error
+    return pq
 
 
 def is_list(kind: Any) -> bool:

@@ -13,10 +13,27 @@ from armid.estimation.problem import default_zero_deviation
 from armid.measurement.convention_conversion import to_robot_convention
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
+from armid.measurement.reduction.reduce import reduce_recording
 from armid.robot import Robot
 from armid.study.config import RecordingChoice, Study
 from armid.study.progress import Progress
 from armid.study.recordings.data_split import cut_recording, refuse_shared
+
+
+def recording_as_logged(
+    choice: RecordingChoice,
+    folder: Path | str,
+    robot: Robot,
+    given: Mapping[str, Recording] | None = None,
+) -> Recording:
+    """Recording of a study as it was logged, with a reduced rate if its rate is high.
+
+    The arguments and errors are those of `read_choice`.
+    """
+    found = (given or {}).get(choice.path)
+    if found is not None:
+        return reduce_recording(found, choice.reading)
+    return load_recording(Path(folder) / choice.path, choice.reading, robot)
 
 
 def read_choice(
@@ -36,9 +53,7 @@ def read_choice(
     Raises:
         RecordingError: The recording cannot be read or does not fit the robot.
     """
-    raw = (given or {}).get(choice.path)
-    if raw is None:
-        raw = load_recording(Path(folder) / choice.path, choice.reading, robot)
+    raw = recording_as_logged(choice, folder, robot, given)
     read = to_robot_convention(raw, choice.reading, robot)
     return cut_recording(read.recording, choice.part), read.findings
 

@@ -8,7 +8,7 @@ from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import LogEvidence
 from armid.errors import Finding
-from armid.maths.signals.isolated_samples import smallest_step
+from armid.measurement.processing.channels.isolated_samples import smallest_step
 
 CODE = "channel-coarse"
 

@@ -17,6 +17,7 @@ from armid.doctor.fitted_log import LogState
 from armid.doctor.torque_attenuation import half_frequencies, half_frequency
 from armid.errors import Finding
 from armid.maths.median import median
+from armid.maths.signals.decimation import DECIMATION_PASS_BAND
 from armid.maths.signals.fourier_transform import power_spectrum
 from armid.measurement.processing.uniform_runs import cut_at_gaps, resample_uniform
 from armid.measurement.remedy_builders import lines
@@ -33,7 +34,7 @@ FLAT = 0.7
 noise, and at most 0.5 in logs that were filtered at a tenth of the sample rate."""
 
 ENDS = 0.9
-"""Share of the Nyquist frequency below which a filtered spectrum falls to a thousandth. The spectrum of the steps of
+"""Share of the highest frequency below which a filtered spectrum falls to a thousandth. The spectrum of the steps of
 dry friction falls, too, but not below the noise."""
 
 MOTION = 8.0
@@ -90,7 +91,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
     if longest.samples < 2 * SEGMENT:
         return []
     even = resample_uniform(longest, None, 0.0, each=False)
-    ends, rounded = _suspicions(even.effort, even.rate, longest.effort)
+    highest = 0.5 * even.rate * (1.0 if recording.logged_rate is None else DECIMATION_PASS_BAND)
+    ends, rounded = _suspicions(even.effort, even.rate, longest.effort, highest)
     falling = np.isfinite(ends)
     suspected = falling | rounded
     state = evidence.state
@@ -159,30 +161,32 @@ def _found(joints: str, channel: str, cutoff: float, used: float) -> Finding:
     return Finding(CODE, "error" if cutoff < HARMFUL * used else "warning", channel, text, remedy)
 
 
-def _suspicions(effort: Array, rate: float, logged: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _suspicions(effort: Array, rate: float, logged: Array, highest: float) -> tuple[Array, NDArray[np.bool_]]:
     """Searches the spectrum of the torque of each joint for the effects of a low-pass filter.
 
     Args:
         effort: Torque on a uniform clock, shape (N, n) [N·m or N].
         rate: Sample rate [Hz].
         logged: Torque as logged, shape (M, n).
+        highest: Highest frequency that is examined [Hz]: above it, a reduction of the rate has filtered the torque.
 
     Returns:
         Frequency above which a falling spectrum is below a thousandth of its largest value [Hz], NaN if there is a
         noise floor, shape (n,); and a mask of the joints whose noise floor is that of the rounding, shape (n,).
     """
     frequency, power = _spectrum(effort, rate)
+    frequency, power = frequency[frequency <= highest], power[frequency <= highest]
     above = frequency > min(MOTION, 0.2 * rate)
     ends, rounded = np.full(effort.shape[1], np.nan), np.zeros(effort.shape[1], dtype=np.bool_)
     for j in range(effort.shape[1]):
         x = _smooth(power[:, j])
         if x[above].max(initial=0.0) <= 0.0:
             continue
-        top = float(median(x[frequency > 0.45 * rate]))
+        top = float(median(x[frequency > ENDS * highest]))
         rounded[j] = top < ROUNDING * _step(logged[:, j]) ** 2 / (6.0 * rate)
         if float((x[above] < DECADE * top).mean()) < FLAT:
             end = float(frequency[np.flatnonzero(x > 1e-3 * x[above].max())[-1]])
-            if end < ENDS * 0.5 * rate:
+            if end < ENDS * highest:
                 ends[j] = end
     return ends, rounded
 

@@ -22,6 +22,7 @@ EFFECTS = {
     "clock-unit": "Velocities and accelerations are too small by powers of a thousand.",
     "clock-rate": "Velocities and accelerations are too large or too small by the ratio of the two rates.",
     "row-incomplete": "No effect, but one sample is missing at the end.",
+    "rate-reduced": "No effect in the band of the estimation: samples above it only cost time and memory.",
     "rows-repeated": "Velocity would be zero at every repeated row; these rows are excluded.",
     "rows-not-consecutive": "Nothing can be filtered or differentiated, and terms with hysteresis cannot be used.",
     "effort-missing": "Without torque or current, only `armid servo` identifies an arm, from its commands.",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armid.checked_array import Array
-from armid.maths.signals.isolated_samples import heights, isolated_samples
+from armid.measurement.processing.channels.isolated_samples import heights, isolated_samples
 
 SAMPLES, STEP = 4000, 1e-3
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array
+from armid.kernel.channels.passes import heights as run_heights
 
 SIDE = 3
 """Number of samples on each side of a run from which a median is computed; one of them may be an outlier itself."""
@@ -84,18 +85,7 @@ def heights(x: Array, length: int, *, ends: bool = False) -> tuple[Array, Array]
     parts = (x[: 2 * SIDE + 1], x[-2 * SIDE - 1 :]) if ends else (x[:1], x[-1:])
     first, end = (np.full(SIDE, np.sort(part)[len(part) // 2]) for part in parts)
     padded = np.concatenate([first, x, end])
-    a, b, c = padded[:-2], padded[1:-1], padded[2:]
-    middle = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
-    runs = len(x) - length + 1
-    before, behind = middle[:runs], middle[length + SIDE : length + SIDE + runs]
-    low = high = x[:runs]
-    for k in range(1, length):
-        low, high = np.minimum(low, x[k : k + runs]), np.maximum(high, x[k : k + runs])
-    above, below = low - np.maximum(before, behind), np.minimum(before, behind) - high
-    height = np.maximum(np.maximum(above, below), 0.0)
-    last, following = padded[SIDE - 1 : SIDE - 1 + runs], padded[length + SIDE : length + SIDE + runs]
-    alone = np.maximum(np.abs(last - before), np.abs(following - behind)) <= height / 2
-    return np.where(alone, height, 0.0), np.abs(before - behind)
+    return run_heights(padded, length)
 
 
 def marked(starts: NDArray[np.bool_], length: int, into: NDArray[np.bool_]) -> None:
@@ -115,7 +105,8 @@ def smallest_step(steps: Array) -> float:
 
     `steps` are the absolute differences; if all are zero, the result is 0.
     """
-    return float(np.min(steps, where=steps > 0.0, initial=np.inf)) if steps.any() else 0.0
+    changes = steps[steps > 0.0]
+    return float(changes.min()) if len(changes) else 0.0
 
 
 def isolated_samples(x: Array, seconds: float) -> NDArray[np.bool_]:
@@ -131,9 +122,11 @@ def isolated_samples(x: Array, seconds: float) -> NDArray[np.bool_]:
     found = np.zeros(x.shape, dtype=np.bool_)
     if len(x) < FEWEST:
         return found
-    bent = np.abs(x[2:] - 2.0 * x[1:-1] + x[:-2])
-    for j in np.flatnonzero(bent.max(axis=0) > ROUGH * bent.mean(axis=0)):
-        _mark_isolated(np.ascontiguousarray(x[:, j]), seconds, found[:, j])
+    for j in range(x.shape[1]):  # one channel after the other: sums along rows of a few numbers are slow
+        channel = np.ascontiguousarray(x[:, j])
+        bent = np.abs(channel[2:] - 2.0 * channel[1:-1] + channel[:-2])
+        if bent.max() > ROUGH * bent.mean():
+            _mark_isolated(channel, seconds, found[:, j])
     return found
 
 
@@ -148,17 +141,21 @@ def _mark_isolated(x: Array, seconds: float, found: NDArray[np.bool_]) -> None:
     if usual == 0.0:
         return
     zero = np.abs(x) <= LOST * np.abs(x).max()
+    has_zeros = bool(zero.any())
     for length in range(1, LONGEST + 1):
         height, difference = heights(x, length)
-        lost = np.asarray(np.lib.stride_tricks.sliding_window_view(zero, length).all(axis=-1), dtype=np.bool_)
-        least = np.where(lost, USUAL_LOST, USUAL * max(1.0, length * seconds / BRIEF)) * usual
-        candidates = np.flatnonzero(height > np.maximum(least, RETURNS * difference))
+        required = USUAL * max(1.0, length * seconds / BRIEF)
+        candidates = np.flatnonzero(height > (min(USUAL_LOST, required) if has_zeros else required) * usual)
+        lost = np.logical_and.reduce([zero[candidates + k] for k in range(length)])
+        least = np.where(lost, USUAL_LOST, required) * usual
+        far = height[candidates] > np.maximum(least, RETURNS * difference[candidates])
+        candidates, lost = candidates[far], lost[far]
         away = np.concatenate([np.arange(-WINDOW, 1 - SIDE), np.arange(SIDE - 1, WINDOW) + length])
         rows = np.abs(candidates[:, None] + away)  # mirrored at the ends
         near = np.sort(steps[len(steps) - 1 - np.abs(len(steps) - 1 - rows)], axis=1)
         local = np.maximum(near[:, len(away) // 2], resolution / 2)
         starts = np.zeros(len(height), dtype=np.bool_)
-        least_local = np.where(lost[candidates], LOCAL_LOST, LOCAL) * local
+        least_local = np.where(lost, LOCAL_LOST, LOCAL) * local
         starts[candidates[height[candidates] > least_local]] = True
         marked(starts, length, found)
 

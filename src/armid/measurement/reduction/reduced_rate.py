@@ -1,0 +1,72 @@
+"""Choice of the rate to which a recording is reduced.
+
+Torque and columns are compared below some hertz, and the fastest robot controllers that armid was tested with log at
+1 kHz. A higher rate adds no information in this band, but time and memory of every stage. Therefore a faster
+recording is filtered and decimated while it is read.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.errors import RecordingError
+from armid.measurement.recording import Recording
+from armid.remedy import Remedy, setting
+
+HIGHEST_RATE = 1000.0
+"""Sample rate above which a recording is reduced [Hz]; the reduced rate is at least this and less than twice this."""
+
+MOST_SAMPLES = 250_000
+"""Number of samples of a recording above which the rate is reduced further, down to `LOWEST_RATE`: four minutes at
+1 kHz. All later stages need about 1 kB of memory for each sample."""
+
+LOWEST_RATE = 100.0
+"""Rate below which a long recording is not reduced [Hz]. Robots that log at this rate can be identified; here the
+torque also is a mean over the interval of a sample, and friction is averaged over it (`Motion.mean_over`)."""
+
+OVERSAMPLING = 8.0
+"""Smallest ratio of a reduced rate to the cut-off of the estimation: the filter of the reduction then keeps twice the
+cut-off, where a zero-phase Butterworth filter of order four has a gain of 0.4 %."""
+
+ROUNDING = 1e-3
+"""Relative amount by which the measured rate of a clock may be below a multiple of the highest rate."""
+
+
+def reduction_step(samples: float, rate: float, highest_rate: float | None) -> int:
+    """Number of samples that become one sample; 1 if the recording is not reduced.
+
+    Args:
+        samples: Number of samples of the recording.
+        rate: Sample rate of the recording [Hz].
+        highest_rate: Highest rate that the log format states [Hz]; 0 if all samples are kept; `None` for the default,
+            which depends on the number of samples.
+    """
+    if highest_rate == 0.0:
+        return 1
+    most = highest_rate or HIGHEST_RATE
+    step = max(1, int(rate / most * (1.0 + ROUNDING)))
+    if highest_rate is None and samples > MOST_SAMPLES * step:
+        slowest = max(1, int(rate / LOWEST_RATE * (1.0 + ROUNDING)))
+        step = max(step, min(slowest, -int(-samples // MOST_SAMPLES)))
+    return step
+
+
+def require_band(recording: Recording, cutoff: float | None) -> None:
+    """Raises an error if a recording was reduced to a rate that is too low for a cut-off [Hz].
+
+    Raises:
+        RecordingError: The filter of the reduction would attenuate frequencies that the estimation uses.
+    """
+    if recording.logged_rate is None or cutoff is None:
+        return
+    rate = recording.rate if recording.time is None else float(1.0 / np.median(np.diff(recording.time[:1000])))
+    if rate is None or rate * (1.0 + ROUNDING) >= OVERSAMPLING * cutoff:
+        return
+    needed = float(f"{OVERSAMPLING * cutoff:.3g}")
+    raise RecordingError(
+        f"the rate of the recording was reduced from {recording.logged_rate:.5g} Hz to {rate:.5g} Hz, which is too "
+        f"low for the cut-off of {cutoff:.4g} Hz.",
+        possible=f"rates from {needed:g} Hz on",
+        remedy=Remedy("give a higher rate, or a lower `cutoff`: ", setting("highest_rate", needed), "."),
+        source=recording.source,
+    )
