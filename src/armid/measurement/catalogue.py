@@ -34,7 +34,7 @@ class RecordingPieces:
     """Recording that is read piece by piece, so that it need not fit into memory.
 
     Attributes:
-        samples: Number of samples of all pieces together.
+        samples: Number of samples of all pieces together, or an estimate of it.
         pieces: Successive parts of the recording as logged; they can be iterated once.
     """
 

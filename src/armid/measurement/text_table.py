@@ -116,6 +116,31 @@ def table_of(text: str, path: Path) -> TextTable:
     return TextTable(tuple(names), rows, numbers, delimiter, findings)
 
 
+def rows_of(text: str, head: TextTable, lines: int, path: Path) -> TextTable:
+    """Splits a part of a text into the rows of a table whose header is known.
+
+    Args:
+        text: Whole lines; the header and lines before it may be among them.
+        head: Table with the first rows of the text.
+        lines: Number of lines of the text before this part.
+        path: Path of the text, for messages.
+
+    Raises:
+        RecordingError: A row has too few or too many fields.
+    """
+    width, found = len(head.names), text.splitlines()
+    kept = [i for i, line in enumerate(found) if line.strip() and not line.startswith(COMMENTS)]
+    kept = [i for i in kept if i + lines >= head.numbers[0]]
+    if not kept:
+        return TextTable(head.names, (), (), head.delimiter)
+    _, rows = _without_ends(list(head.names), [found[i] for i in kept], head.delimiter)
+    numbers = [i + lines for i in kept]
+    findings = _cut_end(rows, numbers[-1], width, head.delimiter, ended=text.endswith("\n"))
+    rows, numbers = rows[: len(rows) - len(findings)], numbers[: len(numbers) - len(findings)]
+    _check_widths(rows, numbers, width, head.delimiter, path)
+    return TextTable(head.names, rows, numbers, head.delimiter, findings)
+
+
 def lists_of(table: TextTable) -> tuple[str, ...]:
     """Names of the columns with lists in their fields, such as `[0.1, 0.2]`, according to the first row."""
     first = table.fields(0)

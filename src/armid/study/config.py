@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -115,10 +115,6 @@ class RecordingChoice:
             problem = f"{self.path}: the key `part` must be two increasing shares from 0 to 1; found {self.part}."
             raise StudyError(problem, remedy="write for instance part = [0.0, 0.7] for the first 70 %.")
 
-    def with_all_samples(self) -> RecordingChoice:
-        """Choice whose recording is not reduced, unless its log format states a highest rate."""
-        return dataclasses.replace(self, reading=self.reading.with_all_samples())
-
 
 PER_RECORDING = ("friction_per_recording", "offset_per_recording")
 """Keys of the table [estimation] that give each recording friction or offsets of its own."""
@@ -172,7 +168,8 @@ class Study(Displayed):
 
     def __post_init__(self) -> None:
         every = self.processing.needs_all_samples
-        object.__setattr__(self, "recordings", tuple(r.with_all_samples() if every else r for r in self.recordings))
+        kept = [replace(r, reading=r.reading.with_all_samples()) if every else r for r in self.recordings]
+        object.__setattr__(self, "recordings", tuple(kept))
         if not any(recording.role == "train" for recording in self.recordings):
             raise StudyError('No recording has the role "train".', remedy='write role = "train" in a [[recording]].')
         if self.estimation.method == AUTOMATIC_METHOD and not self.model.automatic:
@@ -337,7 +334,7 @@ def _estimation_choice(table: Mapping[str, Any], method: str) -> EstimationChoic
     own = {name: value for name, value in table.items() if name not in ESTIMATORS}
     choice = _make(EstimationChoice, {"method": method, **own, "options": options}, "[estimation]")
     for name in options:
-        build_estimator(dataclasses.replace(choice, method=name))  # refuses wrong options
+        build_estimator(replace(choice, method=name))  # refuses wrong options
     return choice
 
 

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from armid.errors import RecordingError
+from armid.measurement.catalogue import READERS
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.pipeline import process_recordings
 from armid.measurement.readers import load_recording
-from armid.measurement.readers import parquet as parquet_reader
 from armid.measurement.recording import Recording, select_rows
 from armid.measurement.reduction import reduce
 from armid.measurement.reduction.reduce import reduce_pieces, reduce_recording
@@ -152,22 +153,66 @@ def test_values_that_are_no_numbers_are_still_refused():
     assert spoilt.any() and np.abs(found.time[spoilt] - 1.5).max() < 0.01 and np.isfinite(found.effort[:, 1]).all()
 
 
-def test_parquet_is_read_in_pieces(tmp_path, monkeypatch):
-    pytest.importorskip("pyarrow")
+def written(path: Path, table: dict[str, np.ndarray]) -> Path:
+    """Path of a file of the format of its suffix with columns of numbers."""
+    if path.suffix == ".parquet":
+        pytest.importorskip("pyarrow")
+        write_parquet(path, table)
+    elif path.suffix == ".h5":
+        h5py = pytest.importorskip("h5py")
+        with h5py.File(path, "w") as file:
+            for name, values in table.items():
+                file[name] = values
+    else:
+        rows = np.column_stack(list(table.values()))
+        np.savetxt(path, rows, "%.17g", ";" if path.stem == "other" else ",", header=",".join(table), comments="")
+        if path.stem == "other":
+            path.write_text("# a note\n" + path.read_text().replace(",", ";"))
+    return path
+
+
+@pytest.mark.parametrize("name", ["log.parquet", "log.h5", "log.csv", "other.csv"])
+def test_files_are_read_in_pieces(tmp_path, monkeypatch, name: str):
+    """Pieces give what the whole file gives, for every reader that has pieces."""
     t = clock(3.0, RATE)
     q, dq, _ = motion(t)
     table = {"t": t, "q1": q[:, 0], "q2": q[:, 1], "tau1": dq[:, 0], "tau2": dq[:, 1]}
-    path = tmp_path / "log.parquet"
-    write_parquet(path, table)
-    known = reduce_recording(parquet_reader.read(path, PLAIN), PLAIN)
+    path = written(tmp_path / name, table)
+    form = next(each for each in READERS.values() if path.suffix in each.suffixes)
+    known = reduce_recording(form.reader.read(path, PLAIN), PLAIN)
+    monkeypatch.setattr("armid.measurement.readers.csv.LONG", 0)
+    monkeypatch.setattr("armid.measurement.readers.csv.HEAD", 50_000)
     monkeypatch.setattr("armid.measurement.readers.PIECE", 4000)
+    assert form.piece_reader is not None
+    pieces = form.piece_reader.pieces(path, PLAIN, None, 4000)
+    assert pieces is not None and len(list(pieces.pieces)) in (6, 7)
+    assert pieces.samples == pytest.approx(len(t), rel=0.1)  # lines of a text have different lengths
     found = load_recording(path)
     assert found.time is not None and known.time is not None
-    for name in ("time", "q", "effort"):
-        assert np.array_equal(getattr(found, name), getattr(known, name)), name
-    assert found.source == str(path) and len(found.sha256) == 64 and "rate-reduced" in codes(found.findings)
+    for quantity in ("time", "q", "effort"):
+        assert np.array_equal(getattr(found, quantity), getattr(known, quantity)), quantity
+    assert codes(found.findings) == codes(known.findings) and found.findings[-1] == known.findings[-1]
+    assert found.source == str(path) and len(found.sha256) == 64
     every = load_recording(path, LogFormat(highest_rate=0))
     assert every.samples == len(t) and np.array_equal(every.q, q)
+
+
+def test_errors_and_the_end_of_a_long_table_are_those_of_the_whole(tmp_path, monkeypatch):
+    monkeypatch.setattr("armid.measurement.readers.csv.LONG", 0)
+    monkeypatch.setattr("armid.measurement.readers.csv.HEAD", 2000)
+    monkeypatch.setattr("armid.measurement.readers.PIECE", 500)
+    t = clock(3.0, 500.0)
+    q, dq, _ = motion(t)
+    path = written(tmp_path / "log.csv", {"t": t, "q1": q[:, 0], "q2": q[:, 1], "tau1": dq[:, 0], "tau2": dq[:, 1]})
+    text = path.read_text()
+    path.write_text(text[:-40].rstrip("0123456789."))
+    found = load_recording(path)
+    assert found.samples == len(t) - 1 and "row-incomplete" in codes(found.findings)
+    lines = text.splitlines()
+    lines[1200] = lines[1200].replace(",", ",x", 1)
+    path.write_text("\n".join(lines))
+    with pytest.raises(RecordingError, match="line 1201"):
+        load_recording(path)
 
 
 def test_dry_friction_is_found_as_at_the_full_rate():

@@ -64,7 +64,7 @@ def reduce_pieces(pieces: Iterable[Recording], samples: int, log_format: LogForm
 
     Args:
         pieces: Successive parts of the recording as logged.
-        samples: Number of samples of all pieces together.
+        samples: Number of samples of all pieces together, or an estimate of it.
         log_format: Log format of the file.
 
     Raises:
@@ -75,10 +75,12 @@ def reduce_pieces(pieces: Iterable[Recording], samples: int, log_format: LogForm
     if first is None or not first.samples:
         raise RecordingError("the recording has no rows.", remedy="record again, because no data were written.")
     step = _step(first, samples, log_format)
-    every = _chain(first, source)
+    later: list[Finding] = []
+    every = _chain(first, source, later)
     if step == 1:
         within("samples", samples, first.source or "The recording", RecordingError)
-        return joined(list(every))
+        whole = joined(list(every))
+        return replace(whole, findings=(*whole.findings, *later)) if later else whole
     rate = _rate(first, log_format)
     state = _Reduction(step, log_format, None if first.time is None else float(first.time[0]))
     made = [part for piece in every if (part := state.following(piece)) is not None]
@@ -89,7 +91,8 @@ def reduce_pieces(pieces: Iterable[Recording], samples: int, log_format: LogForm
             remedy="record for longer, or set highest_rate = 0 to keep all samples.",
         )
     whole = joined(made)
-    findings = (*first.findings, *merged_findings(state.findings), _finding(samples, whole.samples, rate, step))
+    found = merged_findings([*later, *state.findings])
+    findings = (*first.findings, *found, _finding(state.samples, whole.samples, rate, step))
     guessed = dict(first.guessed) if first.time is not None else {**first.guessed, "rate": rate / step}
     stated = None if first.time is not None else rate / step
     return replace(whole, rate=stated, guessed=guessed, findings=findings, logged_rate=rate)
@@ -135,6 +138,11 @@ class _Reduction:
         self._begin = 0  # index of the first sample of the tail in the recording
         self._next = 0  # number of the next reduced sample
         self._turned: dict[str, Array] = {}  # angles at the beginning of the tail, after whole turns were subtracted
+
+    @property
+    def samples(self) -> int:
+        """Number of samples so far."""
+        return self._begin + (0 if self._tail is None else self._tail.samples)
 
     def following(self, piece: Recording | None) -> Recording | None:
         """Reduced samples that a further piece completes, or the last ones if there is none; `None` without any."""
@@ -291,6 +299,9 @@ def _cut(recording: Recording, first: int, stop: int) -> Recording:
     return replace(recording, **{name: x[part] for name in names if (x := getattr(recording, name)) is not None})
 
 
-def _chain(first: Recording, rest: Iterator[Recording]) -> Iterator[Recording]:
+def _chain(first: Recording, rest: Iterator[Recording], later: list[Finding]) -> Iterator[Recording]:
+    """Yields all pieces, and appends the findings of further pieces, which the first does not have, to `later`."""
     yield first
-    yield from rest
+    for piece in rest:
+        later += [each for each in piece.findings if each not in first.findings]
+        yield piece
