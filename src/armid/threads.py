@@ -1,4 +1,4 @@
-"""Settings of the process: one thread for BLAS, and reuse of freed memory for the next array.
+"""Settings of the process: one thread for BLAS, and reuse of freed memory for the next array; work done ahead.
 
 The matrices of an arm are small, so several threads of BLAS would mostly wait for each other.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache, wraps
 from threading import local
@@ -31,6 +31,7 @@ MALLOPT_TRIM, MALLOPT_MAP = -1, -3
 
 P = ParamSpec("P")
 R = TypeVar("R")
+T = TypeVar("T")
 
 _inside = local()
 _process = SimpleNamespace(limited=False)
@@ -87,3 +88,30 @@ def _controller(scipy: bool) -> ThreadpoolController:
 
     controller: Any = ThreadpoolController()
     return controller
+
+
+def ahead(items: Iterator[T]) -> Iterator[T]:
+    """Yields the items of an iterator, each of which another thread makes while the one before it is used.
+
+    An error of the iterator is raised where its item is asked for.
+    """
+    import contextvars
+    from concurrent.futures import ThreadPoolExecutor
+
+    end = object()
+    with ThreadPoolExecutor(1) as pool:
+        # The limits of input belong to the context of the caller.
+        following = pool.submit(contextvars.copy_context().run, next, items, end)
+        while (item := following.result()) is not end:
+            following = pool.submit(contextvars.copy_context().run, next, items, end)
+            yield item  # pyright: ignore[reportReturnType]
+
+
+def meanwhile(work: Callable[[], R]) -> Callable[[], R]:
+    """Begins some work in another thread, and returns a function that waits for its result."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    pool = ThreadPoolExecutor(1)
+    future = pool.submit(work)
+    pool.shutdown(wait=False)
+    return future.result

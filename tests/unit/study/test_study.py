@@ -86,6 +86,7 @@ exclude = [[1.0, 2.0], [5, 6]]
 period = 20.0
 start = 1.5
 spikes = "keep"
+highest_rate = 500.0
 [processing]
 cutoff = 3.0
 order = 2

@@ -13,6 +13,7 @@ from armid.measurement.recording import Recording
 from armid.measurement.recording_paths import format_of_folder, sha256_of_recording, split_episode
 from armid.measurement.reduction.reduce import PIECE, reduce_pieces, reduce_recording
 from armid.robot.robot import Robot
+from armid.threads import ahead, meanwhile
 
 __all__ = ["load_recording"]
 
@@ -36,9 +37,10 @@ def load_recording(path: Path | str, log_format: LogFormat | None = None, robot:
     with boundary("a recording", path, RecordingError, remedy="give the path of a file that exists."):
         form = _format(path)
     with boundary(form.title, path, RecordingError, remedy=form.repair):
+        digest = meanwhile(lambda: sha256_of_recording(path))
         recording = _read(form, path, log_format or LogFormat(), robot)
         within("samples", recording.samples, str(path), RecordingError)
-        return replace(recording, source=str(path), sha256=sha256_of_recording(path))
+        return replace(recording, source=str(path), sha256=digest())
 
 
 def _read(form: RecordingFormat, path: Path, log_format: LogFormat, robot: Robot | None) -> Recording:
@@ -46,7 +48,7 @@ def _read(form: RecordingFormat, path: Path, log_format: LogFormat, robot: Robot
     reader = form.piece_reader
     found = None if reader is None else reader.pieces(path, log_format, robot, PIECE)
     if found is not None:
-        return reduce_pieces(found.pieces, found.samples, log_format)
+        return reduce_pieces(ahead(found.pieces), found.samples, log_format)
     return reduce_recording(form.reader.read(path, log_format, robot), log_format)
 
 

@@ -78,9 +78,13 @@ def read_all(
     """
     recordings: list[tuple[RecordingChoice, Recording]] = []
     findings: list[tuple[Finding, ...]] = []
+    logged: dict[tuple[str, str], Recording] = {}  # a file that is used in several parts is read once
     for k, choice in enumerate(study.recordings):
         progress("recordings", k / len(study.recordings))
-        recording, found = read_choice(choice, study.folder, robot, given)
+        file = choice.path, repr(choice.reading)
+        if file not in logged:
+            logged[file] = recording_as_logged(choice, study.folder, robot, given)
+        recording, found = read_choice(choice, study.folder, robot, {choice.path: logged[file]})
         findings.append(found)
         recordings.append((choice, recording))
     refuse_shared(recordings)

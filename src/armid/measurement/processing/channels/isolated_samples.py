@@ -49,6 +49,9 @@ BRIEF = 2.5e-3
 abruptly, the torque has a peak of 10 ms: one sample at 100 Hz. In a recording of a UR10e, the height of such a peak
 is 20 times the quantile; this rule requires 60 times."""
 
+COUNTED = 50_000
+"""Number of samples of a long signal, evenly spread, from which quantiles are computed."""
+
 LOST, USUAL_LOST, LOCAL_LOST = 1e-12, 5.0, 10.0
 """Largest absolute value, relative to that of the channel, of a sample that counts as zero; and smallest height of an
 isolated run of zeros, divided by the same quantile, for any duration, and by the local median. Such a run is a lost
@@ -168,8 +171,9 @@ def _usual_height(x: Array, changes: NDArray[np.bool_]) -> float:
         changes: True for the steps that are not zero, shape (N - 1,); at least one.
     """
     beside = np.concatenate([changes[:1], changes[1:] | changes[:-1], changes[-1:]])
-    single = heights(x, 1)[0][beside]
-    low, high = np.quantile(x, (BULK, 1.0 - BULK))
+    every = max(1, len(x) // COUNTED)
+    single = heights(x, 1)[0][beside][::every]
+    low, high = np.quantile(x[::every], (BULK, 1.0 - BULK))
     if high > low:
         single = single[single <= OUTLYING * (high - low)]
     usual = float(np.quantile(single, QUANTILE)) if len(single) else 0.0
