@@ -154,8 +154,6 @@ def process_recording(
         else:
             runs.append(run)
             still.append(sticks_and_rests(segment.q, segment.rate, noise, every=processing.standstill == "moving"))
-    if recording.logged_rate is not None:
-        runs = [replace(run, motion=run.motion.with_means(1.0 / run.rate)) for run in runs]
     findings.extend(unusable_runs(unusable, recording.source))
     if not runs:
         raise no_run_left(recording, findings)
@@ -249,8 +247,10 @@ def _moving(
     """Masks rows at standstill, unless the option `standstill` is `keep`, and adds findings about them.
 
     `still` contains, for each run, the masks of the samples at which joints stick and at which all joints rest, (N,
-    n).
+    n). The torque of a recording whose rate was reduced is a mean over the interval of a sample.
     """
+    if recording.logged_rate is not None:
+        runs = [replace(run, motion=run.motion.with_means(1.0 / run.rate)) for run in runs]
     if processing.standstill == "keep":
         return tuple(runs)
     kept, share = moving(runs, [sticks | rests for sticks, rests in still], processing)
