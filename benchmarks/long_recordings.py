@@ -1,12 +1,12 @@
 """From a long Parquet file to an identified and validated model: time and memory of `armid identify`.
 
 `python benchmarks/long_recordings.py [--minutes M …] [--rate HZ] [--peer M] [--folder DIR] [--json]`. A virtual
-iiwa 14 on a motion of several frequencies, positions and torque with noise, by inverse dynamics; the first 70 % train,
-the rest validates. Each file is identified by the command in a new process, with the checks of the recording and
-without the report; wall time, CPU time and the peak of resident memory are those of this process. The peer reads a file
-of M minutes with pandas, filters and differentiates with SciPy, and solves one least-squares problem with Pinocchio's
-regressor at the rows that are left, which do not pass the filter of the torque. Files are kept in the folder, if one is
-given, and used again.
+iiwa 14 on a motion of several frequencies, positions and torque with noise, by inverse dynamics; the first 70 %
+train, the rest validates. Each file is identified by the command in a new process, with the checks of the recording
+and without the report; wall time, CPU time and the peak of resident memory are those of this process. The peer reads
+a file of M minutes with pyarrow, filters and differentiates with SciPy, and solves one least-squares problem with
+Pinocchio's regressor at the rows that are left, which do not pass the filter of the torque. Files are kept in the
+folder, if one is given, and used again.
 """
 
 from __future__ import annotations
@@ -98,8 +98,8 @@ def identified(path: Path, folder: Path) -> dict[str, float]:
 
 
 def peer(path: Path, rate: float) -> dict[str, float]:
-    """The same of pandas, SciPy and Pinocchio, in this process."""
-    import pandas as pd
+    """The same of pyarrow, SciPy and Pinocchio, in this process."""
+    import pyarrow.parquet as pq
     from scipy.signal import butter, sosfiltfilt
 
     pin: Any = import_module("pinocchio")
@@ -110,8 +110,8 @@ def peer(path: Path, rate: float) -> dict[str, float]:
         robot.addJoint(i, pin.JointModelRZ(), placement, each.name)
     data, n = robot.createData(), model.n
     begin, before = spent(), time.perf_counter()
-    table = pd.read_parquet(path)
-    q, tau = (table[[f"{each}{j + 1}" for j in range(n)]].to_numpy() for each in ("q", "tau"))
+    table = pq.read_table(path)
+    q, tau = (np.column_stack([table[f"{each}{j + 1}"].to_numpy() for j in range(n)]) for each in ("q", "tau"))
     sections = butter(ORDER, CUTOFF, fs=rate, output="sos")
     step, edge = round(rate / ROWS), round(0.5 * rate)
     rows = slice(edge, len(q) - edge, step)
