@@ -175,3 +175,22 @@ def test_a_motion_that_does_not_repeat_is_told_where_a_period_is_stated():
     assert "do not repeat every 7 s" in found.evidence and found.remedy.startswith('period = "none"')
     _, findings = process_recording(recording(t, q=q), ProcessingOptions(), period=30.0)  # it is run once
     assert "period-misaligned" not in {each.code for each in findings}
+
+
+@pytest.mark.parametrize(("lead", "out"), [(0.0, 0.0), (4.0, 3.0)])
+def test_repetitions_of_a_long_recording_are_found(lead: float, out: float):
+    """A lag is examined by some of the samples first, which must not refuse a period: 400 s of four joints."""
+    period, count = 9.7, 40
+    t, q = with_ways(period, count, lead, out, 100.0, 3)
+    q += 1e-4 * np.random.default_rng(0).normal(size=q.shape)
+    found = repetition(t, q, 100.0)
+    assert found is not None and found.count == count
+    assert abs(found.period - period) * 100.0 < NEAR and abs(found.start - lead) < 0.1 * period
+
+
+def test_a_long_motion_of_several_frequencies_does_not_repeat():
+    t = np.arange(40_000) / 100.0
+    joint = np.arange(4)
+    frequency = 2.0 * np.pi * (0.1 * np.arange(1, 6)[:, None] + 0.013 * joint + 0.0071 * joint * joint)
+    q = sum(np.sin(np.outer(t, w)) for w in frequency[:, :1]) + np.sin(t[:, None] * frequency[1])
+    assert repetition(t, q, 100.0) is None

@@ -91,6 +91,14 @@ ROUNDS = 4
 """Number of corrections of a lag; each one reduces the error of the lag to a tenth or less."""
 
 
+SPARSE = 10_000
+"""Number of samples, evenly spread, by which a lag of a long recording is examined first."""
+
+FEW = 0.3
+"""Smallest number of instants at which the signals must about agree, divided by the lag, so that all instants are
+examined. Repetitions agree at all instants, but for gaps of a tenth of a period."""
+
+
 @dataclass(frozen=True, slots=True)
 class Repetition:
     """Repetitions that were detected in a motion.
@@ -283,17 +291,18 @@ def _agreement(x: Array, near: int, within: Array, noise: Array) -> _Agreed | No
     `within` is the variance within a time of one lag, `noise` the noise of the signals, shape (m,) each. The result
     is `None` if too few samples agree.
     """
-    lag, off = float(near), np.zeros(0)
-    for _ in range(ROUNDS):
-        ahead, speed = _ahead(x, np.arange(int(len(x) - lag)), lag)
-        off = _largest(ahead, within)
-        sure = off <= FAR * median(off) + ALIKE**2 / FAR
-        energy = float((speed[sure] ** 2 / within).sum())
-        if energy == 0.0:
+    every = len(x) // SPARSE
+    if every > 1:  # most lags of a long recording are refused by a few of its samples
+        lag = _refined(x, near, within, every)
+        if lag is None:
             return None
-        lag -= float((speed[sure] * ahead[sure] / within).sum()) / energy
-        if abs(lag - near) > CLOSE * near:
+        ahead, _ = _ahead(x, np.arange(0, int(len(x) - lag), every), lag)
+        near_enough = _largest(ahead, within) <= 4.0 * ALIKE**2 + 4.0 * float((noise**2 / within).max()) * FAR**2
+        if near_enough.sum() * every < FEW * lag:
             return None
+    lag = _refined(x, near, within, 1)
+    if lag is None:
+        return None
     ahead, _ = _ahead(x, np.arange(int(len(x) - lag)), lag)
     off = _largest(ahead, within)
     alike = off <= ALIKE**2 + 2.0 * float((noise**2 / within).max()) * FAR**2
@@ -307,6 +316,22 @@ def _agreement(x: Array, near: int, within: Array, noise: Array) -> _Agreed | No
     if not same or moved[first : last + round(lag)].sum() < MOST * moved.sum():
         return None
     return _Agreed(lag, first, last, float(np.sqrt(mismatch.max())))
+
+
+def _refined(x: Array, near: int, within: Array, every: int) -> float | None:
+    """Lag [samples] at which signals agree best, from each sample number `every`; `None` if it is far from `near`."""
+    lag = float(near)
+    for _ in range(ROUNDS):
+        ahead, speed = _ahead(x, np.arange(0, int(len(x) - lag), every), lag)
+        off = _largest(ahead, within)
+        sure = off <= FAR * median(off) + ALIKE**2 / FAR
+        energy = float((speed[sure] ** 2 / within).sum())
+        if energy == 0.0:
+            return None
+        lag -= float((speed[sure] * ahead[sure] / within).sum()) / energy
+        if abs(lag - near) > CLOSE * near:
+            return None
+    return lag
 
 
 def _ahead(x: Array, first: NDArray[np.int64], lag: float) -> tuple[Array, Array]:

@@ -114,11 +114,13 @@ def without_spikes(
     interpolated, but not masked, because results from the torque do not need it.
 
     Args:
-        recording: Recording in the robot's joint order and in the units of the log, with finite values.
+        recording: Recording in the robot's joint order and in the units of the log, with finite values. If its rate
+            was reduced, it was searched then, and a real peak may have become a single sample.
         log_format: Log format of the recording.
         robot: The arm that was recorded.
     """
-    if recording.consecutive is False or recording.samples < FEWEST:
+    searched = recording.logged_rate is not None  # before the rate was reduced
+    if searched or recording.consecutive is False or recording.samples < FEWEST:
         return recording, ()
     channels = _channels(recording, log_format, robot)
     time = np.arange(recording.samples) / (recording.rate or 1.0) if recording.time is None else recording.time

@@ -30,8 +30,8 @@ from armid.measurement.recording import Recording
 from armid.measurement.reduction.reduced_rate import reduction_step
 from armid.remedy import Remedy, setting
 
-PIECE = 200_000
-"""Number of samples that are reduced at a time: 70 MB for a seven-joint arm."""
+PIECE = 50_000
+"""Number of samples that are reduced at a time: 6 MB of positions and torques of a seven-joint arm."""
 
 CONTEXT = 64
 """Number of samples on each side of a piece that are searched for spikes with it, but reduced with its neighbour."""
