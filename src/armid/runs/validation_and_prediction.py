@@ -100,7 +100,9 @@ def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -
     ]
     names = ("time", "q", "dq", "ddq", *(["memory"] if run.model.nodes else []))
     joined = [np.concatenate([getattr(motion, name) for motion in motions]) for name in names]
-    return Motion(*joined), processed.findings
+    # The motion has fewer rows than the log then.
+    reduced = tuple(each for each in raw.findings if each.code == "rate-reduced")
+    return Motion(*joined), (*reduced, *processed.findings)
 
 
 def predict(run: Run, motion: Motion) -> Array:
