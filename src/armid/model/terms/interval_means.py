@@ -19,25 +19,25 @@ GAUSS = 0.5 / np.sqrt(3.0)
 
 
 def set_means_at_reversals(
-    row: Array, expression: Expression, environment: Mapping[str, Array], acceleration: Array, seconds: float
+    values: Array, expression: Expression, environment: Mapping[str, Array], acceleration: Array, seconds: float
 ) -> None:
     """Replaces values of a law by their means over an interval, at the samples whose interval contains a reversal.
 
     Args:
-        row: Values of the law at N samples, shape (N,); changed in place.
+        values: Values of the law at N samples, shape (..., N); changed in place.
         expression: Expression of the law, without a hysteresis state.
-        environment: Values of the symbols of the law at the samples, shape (N,) each; `dq` is one of them.
-        acceleration: Acceleration of the coordinate of the law, shape (N,) [rad/s² or m/s²].
+        environment: Values of the symbols of the law at the samples, shape (..., N) each; `dq` is one of them.
+        acceleration: Acceleration of the coordinate of the law, shape (..., N) [rad/s² or m/s²].
         seconds: Length of the interval around each sample [s].
     """
     half = 0.5 * seconds
-    found = np.flatnonzero(np.abs(environment["dq"]) < half * np.abs(acceleration))
-    if not len(found):
+    found = np.nonzero(np.abs(environment["dq"]) < half * np.abs(acceleration))
+    if not found[0].size:
         return
-    here = {name: values[found] for name, values in environment.items()}
+    here = {name: each[found] for name, each in environment.items()}
     speed, acceleration = here["dq"], acceleration[found]
     crossing = -speed / acceleration  # time from the sample to the reversal
-    mean = np.zeros(len(found))
+    mean = np.zeros(found[0].size)
     for begin, end in ((-half, crossing), (crossing, half)):
         length = end - begin
         for point in (-GAUSS, GAUSS):
@@ -46,4 +46,4 @@ def set_means_at_reversals(
             if "q" in here:
                 then["q"] = here["q"] + (speed + 0.5 * acceleration * moment) * moment
             mean += 0.5 * length / seconds * evaluate(expression, then)
-    row[found] = mean
+    values[found] = mean
