@@ -24,7 +24,7 @@ from armid.model.hysteresis_memory import Coordinate, MemoryNode
 from armid.model.motion import Motion
 from armid.model.parameter_name import ParameterName
 from armid.model.terms import DEFAULT_TERMS, Law, RigidBody, Term
-from armid.model.terms.interval_means import set_means_at_reversals
+from armid.model.terms.filtered_steps import add_filtered_steps
 from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS, rigid_body_units
 from armid.model.torque_law_expression import derivative, evaluate, number, symbols, text
 from armid.notebook_display import Displayed, Summary, plural
@@ -220,14 +220,20 @@ class DynamicsModel(Displayed):
         for row, (_, _, law, weight) in zip(values, entries, strict=True):
             environment = self._environment(law, of_joints)
             row[:] = evaluate(law.expression, environment)
-            if motion.mean_over > 0.0 and "dq" in environment and law.memory is None:
-                acceleration = np.sum([w * motion.ddq[:, j] for j, w in law.coordinate], axis=0)
-                set_means_at_reversals(row, law.expression, environment, acceleration, motion.mean_over)
+            if motion.sign_deviation is not None and "dq" in environment and law.memory is None:
+                self._filter_steps(row, law, environment, motion)
             if weight != 1.0:
                 row *= weight
         joint = np.array([e[0] for e in entries], dtype=np.int32)
         parameter = np.array([e[1] for e in entries], dtype=np.int32)
         return TermColumns(joint, parameter, values)
+
+    def _filter_steps(self, row: Array, law: Law, environment: dict[str, Array], motion: Motion) -> None:
+        """Replaces the steps of a law of one joint by filtered steps; laws of combined joints stay as they are."""
+        if motion.sign_deviation is None or len(law.coordinate) > 1:
+            return
+        ((j, weight),) = law.coordinate
+        add_filtered_steps(row, law.expression, environment, np.sign(weight) * motion.sign_deviation[:, j])
 
     def _of_joints(self, motion: Motion, names: set[str]) -> dict[str, Array]:
         """Values of the symbols `names`: `state` for each node, shape (m, N), all others for each joint, (n, N)."""

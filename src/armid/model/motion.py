@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,8 +23,9 @@ class Motion(Displayed):
         ddq: Joint accelerations, shape (N, n) [rad/s² or m/s²].
         memory: Hysteresis states of a model at the samples, shape (N, m), computed by `DynamicsModel.remember` along
             the whole contiguous run; `None` if there are none.
-        mean_over: Length of the interval around each sample over which the torque there is a mean [s]; 0 if it is
-            that of an instant. Friction is averaged over it where a joint reverses.
+        sign_deviation: Filtered sign of each velocity, less its sign at the samples, shape (N, n), if the torque has
+            passed a filter that the motion has not; `None` if it is the torque at the instants of the samples. Torque
+            laws with a step at reversals follow it (`armid.model.terms.filtered_steps`).
     """
 
     time: Array
@@ -32,7 +33,7 @@ class Motion(Displayed):
     dq: Array
     ddq: Array
     memory: Array | None = None
-    mean_over: float = 0.0
+    sign_deviation: Array | None = None
 
     def __post_init__(self) -> None:
         q = array(self.q, (None, None), "q")
@@ -42,6 +43,8 @@ class Motion(Displayed):
         object.__setattr__(self, "ddq", array(self.ddq, q.shape, "ddq"))
         if self.memory is not None:
             object.__setattr__(self, "memory", array(self.memory, (len(q), None), "memory"))
+        if self.sign_deviation is not None:
+            object.__setattr__(self, "sign_deviation", array(self.sign_deviation, q.shape, "sign_deviation"))
 
     def summary(self) -> Summary:
         """Table of the ranges of position, velocity and acceleration of each joint."""
@@ -68,17 +71,14 @@ class Motion(Displayed):
     def __getitem__(self, rows: slice) -> Motion:
         """Motion at a slice of the samples, with their hysteresis states; the arrays are not copied."""
         part = object.__new__(Motion)
-        for name in ("time", "q", "dq", "ddq", "memory"):
+        for name in ("time", "q", "dq", "ddq", "memory", "sign_deviation"):
             values = getattr(self, name)
             object.__setattr__(part, name, None if values is None else values[rows])
-        object.__setattr__(part, "mean_over", self.mean_over)
         return part
 
-    def with_means(self, seconds: float) -> Motion:
-        """Motion whose torque is a mean over an interval of the given length [s] around each sample."""
-        whole = self[:]
-        object.__setattr__(whole, "mean_over", float(seconds))
-        return whole
+    def with_sign_deviation(self, deviation: Array) -> Motion:
+        """Motion with filtered signs of its velocities, less their signs, shape (N, n)."""
+        return replace(self, sign_deviation=deviation)
 
     def with_memory(self, memory: Array) -> Motion:
         """Motion with the given hysteresis states (N, m); the array is not copied and becomes read-only."""

@@ -36,7 +36,7 @@ from armid.measurement.processing.uniform_runs import (
 )
 from armid.measurement.processing.unusable_runs import brief_run, no_run_left, unusable_runs
 from armid.measurement.recording import Recording
-from armid.measurement.reduction.reduced_rate import require_band
+from armid.measurement.reduction.reduced_rate import require_band, with_filtered_signs
 from armid.model.motion import Motion
 from armid.remedy import Remedy, setting
 
@@ -247,10 +247,10 @@ def _moving(
     """Masks rows at standstill, unless the option `standstill` is `keep`, and adds findings about them.
 
     `still` contains, for each run, the masks of the samples at which joints stick and at which all joints rest, (N,
-    n). The torque of a recording whose rate was reduced is a mean over the interval of a sample.
+    n). In a recording whose rate was reduced, steps of the torque have passed a filter.
     """
-    if recording.logged_rate is not None:
-        runs = [replace(run, motion=run.motion.with_means(1.0 / run.rate)) for run in runs]
+    if (rate := recording.logged_rate) is not None:
+        runs = [replace(run, motion=with_filtered_signs(run.motion, rate / run.rate)) for run in runs]
     if processing.standstill == "keep":
         return tuple(runs)
     kept, share = moving(runs, [sticks | rests for sticks, rests in still], processing)

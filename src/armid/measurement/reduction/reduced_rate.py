@@ -10,7 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from armid.errors import RecordingError
+from armid.maths.signals.decimation import decimation_filter
 from armid.measurement.recording import Recording
+from armid.model.motion import Motion
+from armid.model.terms.filtered_steps import sign_deviations
 from armid.remedy import Remedy, setting
 
 HIGHEST_RATE = 1000.0
@@ -21,8 +24,8 @@ MOST_SAMPLES = 250_000
 1 kHz. All later stages need about 1 kB of memory for each sample."""
 
 LOWEST_RATE = 100.0
-"""Rate below which a long recording is not reduced [Hz]. Robots that log at this rate can be identified; here the
-torque also is a mean over the interval of a sample, and friction is averaged over it (`Motion.mean_over`)."""
+"""Rate below which a long recording is not reduced [Hz]. Robots that log at this rate can be identified, and here the
+instants of reversals are known better (`Motion.sign_deviation`)."""
 
 OVERSAMPLING = 8.0
 """Smallest ratio of a reduced rate to the cut-off of the estimation: the filter of the reduction then keeps twice the
@@ -70,3 +73,9 @@ def require_band(recording: Recording, cutoff: float | None) -> None:
         remedy=Remedy("give a higher rate, or a lower `cutoff`: ", setting("highest_rate", needed), "."),
         source=recording.source,
     )
+
+
+def with_filtered_signs(motion: Motion, step: float) -> Motion:
+    """Motion of a recording whose rate was reduced by `step`, with the signs of its velocities after the filter."""
+    whole = round(step)
+    return motion.with_sign_deviation(sign_deviations(motion.dq, decimation_filter(whole), whole))
