@@ -73,6 +73,14 @@ def by_call(feature: Callable[[], None]) -> Callable[[int], str]:
     return run
 
 
+def cluster() -> None:
+    """Runs a task on a local cluster."""
+    from armid.cluster import cluster_executor
+
+    with cluster_executor("local", 1) as executor:
+        assert executor.submit(abs, -1).result() == 1
+
+
 FEATURES: dict[str, list[Callable[[int], str]]] = {
     "io": [
         by_command(*SIMULATE, "--mode", "inverse-dynamics", "--format", "parquet", "--out", "parquet"),
@@ -83,6 +91,7 @@ FEATURES: dict[str, list[Callable[[int], str]]] = {
     "report": [by_command("report", "run")],
     "nlp": [by_command("identify", "small.urdf", "log/recording.csv", "--method", "thesis-nlp", "--out", "nlp")],
     "symbolic": [by_call(symbolic)],
+    "dask": [by_call(cluster)],
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +14,8 @@ from armid.errors import OutputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from concurrent.futures import Executor
+    from contextlib import AbstractContextManager
 
     from armid.runs.fleet.fleet_change import UnitChange
     from armid.study.fleet.fleet_file import FleetChoice
@@ -32,6 +35,14 @@ def fleet(
     jobs: Annotated[
         int, typer.Option("--jobs", min=1, help="Number of processes in which the units are processed; 1 by default.")
     ] = 1,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler",
+            metavar="ADDRESS",
+            help="Process the units on a Dask cluster: tcp://HOST:PORT, or `local` for --jobs processes here.",
+        ),
+    ] = None,
     no_report: Annotated[bool, typer.Option("--no-report", help="Do not write the HTML page.")] = False,
     out: Out = None,
     json: Json = False,
@@ -44,6 +55,8 @@ def fleet(
         armid fleet FLEET.toml --out fleets/march
 
         armid fleet FLEET.toml --since fleets/march --jobs 2
+
+        armid fleet FLEET.toml --scheduler tcp://cell-controller:8786
     """
     from armid.cli.console import print_findings
     from armid.runs.fleet.fleet_change import changes_since
@@ -51,7 +64,7 @@ def fleet(
     from armid.study.fleet.fleet_file import load_fleet_file
     from armid.study.storage.records import to_json
 
-    choice = load_fleet_file(file)
+    choice = load_fleet_file(file if scheduler is None else str(Path(file).resolve()))  # workers have other folders
     earlier = None if since is None else load_fleet(since)
     folder = run_folder(out, f"{Path(choice.units[0].study.robot.description).stem}-fleet")
     if since is not None and folder.resolve() == Path(since).resolve():
@@ -60,7 +73,7 @@ def fleet(
             remedy="choose another folder with --out.",
         )
     refuse_fleet_folder(folder)
-    found = _identified(choice, jobs, quiet=json)
+    found = _identified(choice, jobs, scheduler, quiet=json)
     changes = None if earlier is None else changes_since(earlier.estimate, found.estimate)
     save_fleet(found, folder, changes=changes, since=since or "")
     page = not no_report and _write_page(found, changes, since or "", folder)
@@ -73,18 +86,26 @@ def fleet(
     print_findings(found.findings)
 
 
-def _identified(choice: FleetChoice, jobs: int, *, quiet: bool) -> FleetIdentification:
-    """Identify the fleet in one or more processes, with a progress bar."""
+def _identified(choice: FleetChoice, jobs: int, scheduler: str | None, *, quiet: bool) -> FleetIdentification:
+    """Identify the fleet in one or more processes or on a cluster, with a progress bar."""
     from armid.cli.console import progress
     from armid.study.fleet.identify_fleet import identify_fleet
 
-    with progress(quiet=quiet) as tell:
-        if jobs == 1:
-            return identify_fleet(choice, progress=tell)
-        from armid.excitation.design.multistart import single_threaded_pool
+    with _workers(jobs, scheduler) as executor, progress(quiet=quiet) as tell:
+        return identify_fleet(choice, executor=executor, progress=tell)
 
-        with single_threaded_pool(jobs) as executor:
-            return identify_fleet(choice, executor=executor, progress=tell)
+
+def _workers(jobs: int, scheduler: str | None) -> AbstractContextManager[Executor | None]:
+    """Executor of the units: a cluster, processes of this machine, or none."""
+    if scheduler is not None:
+        from armid.cluster import cluster_executor
+
+        return cluster_executor(scheduler, jobs)
+    if jobs == 1:
+        return nullcontext()
+    from armid.excitation.design.multistart import single_threaded_pool
+
+    return single_threaded_pool(jobs)
 
 
 def _write_page(found: FleetIdentification, changes: Sequence[UnitChange] | None, since: str, folder: Path) -> bool:

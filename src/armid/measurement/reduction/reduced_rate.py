@@ -23,9 +23,10 @@ MOST_SAMPLES = 250_000
 """Number of samples of a recording above which the rate is reduced further, down to `LOWEST_RATE`: four minutes at
 1 kHz. All later stages need about 1 kB of memory for each sample."""
 
-LOWEST_RATE = 100.0
-"""Rate below which a long recording is not reduced [Hz]. Robots that log at this rate can be identified, and here the
-instants of reversals are known better (`Motion.sign_deviation`)."""
+LOWEST_RATE = 200.0
+"""Rate below which a long recording is not reduced [Hz]. On eight minutes of a virtual iiwa 14 at 8 kHz, parameters
+moved by at most 0.4 of their deviations at 1 kHz, 0.5 at 500 Hz, 0.9 at 250 Hz and 6 at 100 Hz, where the differences
+that give accelerations are too coarse for so little noise."""
 
 OVERSAMPLING = 8.0
 """Smallest ratio of a reduced rate to the cut-off of the estimation: the filter of the reduction then keeps twice the

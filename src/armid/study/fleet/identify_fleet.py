@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Mapping
-from concurrent.futures import Executor
+from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -157,10 +157,30 @@ def _named(name: str) -> Generator[None]:
 def _mapped(
     function: Callable[[A], B], tasks: Iterable[A], executor: Executor | None, tell: Callable[[float], None]
 ) -> list[B]:
-    """Applies a function to all tasks, in the order of the tasks."""
+    """Applies a function to all tasks, in the order of the tasks.
+
+    If a worker process was killed, a pool of processes is lost; the tasks that are left are then run in this process.
+    """
     tasks = list(tasks)
+    futures = [None if executor is None else _submitted(executor, function, task) for task in tasks]
     results: list[B] = []
-    for result in map(function, tasks) if executor is None else executor.map(function, tasks):
-        results.append(result)
-        tell(len(results) / len(tasks))
+    try:
+        for future, task in zip(futures, tasks, strict=True):
+            try:
+                results.append(function(task) if future is None else future.result())
+            except BrokenExecutor:
+                results.append(function(task))
+            tell(len(results) / len(tasks))
+    finally:
+        for future in futures[len(results) :]:
+            if future is not None:
+                future.cancel()
     return results
+
+
+def _submitted(executor: Executor, function: Callable[[A], B], task: A) -> Future[B] | None:
+    """Task of an executor; `None` if the executor has lost its processes."""
+    try:
+        return executor.submit(function, task)
+    except BrokenExecutor:
+        return None
