@@ -174,9 +174,10 @@ def solve(rows: QuickRows, extra: Array | None = None) -> QuickFit:
     counted = np.maximum(rows.mask.sum(axis=0), 1)
     for j in range(rows.n):
         A = rows.columns[j] if extra is None else np.concatenate([rows.columns[j], extra[:, :, j]])
-        table = np.concatenate([A, rows.torque[:, j][None]]) * rows.mask[:, j]
+        table = np.concatenate([A, rows.torque[:, j][None]])
+        table *= rows.mask[:, j]
         tables.append(table)
-        R: Array = np.asarray(np.linalg.qr(table.T, mode="r"))
+        R = kernel.factor_columns(table)[0]
         wide = np.zeros((len(R), total))
         wide[:, np.concatenate([rows.parameters[j], np.arange(rows.count, total)])] = R[:, :-1]
         blocks.append(wide)
@@ -224,9 +225,9 @@ def _lengths(A: Array) -> Array:
 
 def _inverse(A: Array) -> Array:
     """Matrix X with X Xᵀ = (Aᵀ A)⁺: inverse of the triangular factor, or the pseudoinverse of dependent columns."""
-    R: Array = np.asarray(np.linalg.qr(A, mode="r"))
+    R = kernel.factor_columns(A.T)[0]
     diagonal = np.abs(R.diagonal())
-    if len(R) == A.shape[1] and diagonal.min() > INDEPENDENT * diagonal.max():
+    if diagonal.min() > INDEPENDENT * diagonal.max():
         return np.asarray(np.linalg.inv(R), dtype=np.float64)  # an eighth of the time of singular values
     return np.asarray(np.linalg.pinv(R, rcond=CUT), dtype=np.float64)
 
@@ -236,10 +237,10 @@ def _least_squares(A: Array) -> Array:
 
     If the first k columns are linearly dependent, the coefficients with the smallest norm are returned.
     """
-    R: Array = np.asarray(np.linalg.qr(A, mode="r"))
+    R = kernel.factor_columns(A.T)[0]
     k = A.shape[1] - 1
     diagonal = np.abs(R.diagonal()[:k])
-    if len(R) > k and diagonal.min() > INDEPENDENT * diagonal.max():
+    if diagonal.min() > INDEPENDENT * diagonal.max():
         return np.asarray(np.linalg.solve(R[:k, :k], R[:k, k]), dtype=np.float64)
     return np.asarray(np.linalg.lstsq(R[:, :k], R[:, k], rcond=CUT)[0], dtype=np.float64)
 

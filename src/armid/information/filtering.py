@@ -39,9 +39,16 @@ def in_band(x: Array, rate: float, band: Band) -> Array:
         return x
     if band.edges == "periodic":
         return periodic_filter(filter, x)
-    if x.ndim == 2 and filters_by_recursion(filter, len(x)):
-        return zero_phase_differences(filter, np.ascontiguousarray(x, dtype=np.float64), rate, 0)[0]
+    if filters_by_recursion(filter, len(x)):
+        return zero_phase_differences(filter, x.reshape(len(x), -1), rate, 0)[0].reshape(x.shape)
     return zero_phase(filter, x)
+
+
+def _at_rows(filter: Array, x: Array, first: int = 0, step: int = 1) -> Array:
+    """Filters columns (K, N) of one run; the result has every `step`-th sample from `first` on."""
+    if not filters_by_recursion(filter, x.shape[1]):
+        return zero_phase(filter, x, axis=1, first=first, step=step)
+    return np.ascontiguousarray(zero_phase_differences(filter, x.T, 1.0, 0)[0][first::step].T)
 
 
 def filtered_torque(run: ObservedRun, band: Band) -> Array:
@@ -83,10 +90,10 @@ def filtered_columns(source: ColumnSource, run: ObservedRun, band: Band) -> Iter
         a = max(0, lead + start * late // factor - overlap)
         b = min(columns.available, lead + (stop - 1) * late // factor + 1 + overlap)
         if factor == 1:
-            x = zero_phase(filter, columns.between(a, b), axis=1, first=lead + start * late - a, step=late)
+            x = _at_rows(filter, columns.between(a, b), lead + start * late - a, late)
             yield start, np.ascontiguousarray(x[:, : stop - start])
             continue
-        x = zero_phase(filter, columns.between(a, b), axis=1)
+        x = _at_rows(filter, columns.between(a, b))
         for begin in range(start, stop, BATCH):
             yield begin, _rows(x, lead - a, late, factor, begin, min(begin + BATCH, stop), periodic=False)
 
