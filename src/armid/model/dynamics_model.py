@@ -24,6 +24,7 @@ from armid.model.hysteresis_memory import Coordinate, MemoryNode
 from armid.model.motion import Motion
 from armid.model.parameter_name import ParameterName
 from armid.model.terms import DEFAULT_TERMS, Law, RigidBody, Term
+from armid.model.terms.equal_columns import EqualColumns, equal_columns
 from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS, rigid_body_units
 from armid.model.torque_law_expression import derivative, evaluate, number, symbols, text
 from armid.notebook_display import Displayed, Summary, plural
@@ -213,16 +214,30 @@ class DynamicsModel(Displayed):
             ModelError: A law has hysteresis, but the motion has no hysteresis states; or a law depends on the load,
                 but the model has no load parameters.
         """
-        entries = self.entries if kept is None else [self.entries[e] for e in kept]
+        entries = [self.entries[e] for e in (range(len(self.entries)) if kept is None else kept)]
+        row_of = np.full(len(self.entries), -1, dtype=np.intp)
+        row_of[slice(None) if kept is None else kept] = np.arange(len(entries))
         values = np.empty((len(entries), motion.samples))
-        of_joints = self._of_joints(motion, {name for _, _, law, _ in entries for name in symbols(law.expression)})
-        for row, (_, _, law, weight) in zip(values, entries, strict=True):
-            row[:] = evaluate(law.expression, self._environment(law, of_joints))
+        groups = [(group, rows) for group in self._groups if ((rows := row_of[group.entries]) >= 0).any()]
+        of_joints = self._of_joints(motion, {name for group, _ in groups for name in group.symbols})
+        for group, rows in groups:
+            if group.law is None:
+                joints = group.joints[rows >= 0]
+                environment = {name: of_joints[name][joints] for name in group.symbols if name in of_joints}
+            else:
+                environment = self._environment(group.law, of_joints)
+            values[rows[rows >= 0]] = evaluate(group.expression, environment)
+        for row, (_, _, _, weight) in zip(values, entries, strict=True):
             if weight != 1.0:
                 row *= weight
         joint = np.array([e[0] for e in entries], dtype=np.int32)
         parameter = np.array([e[1] for e in entries], dtype=np.int32)
         return TermColumns(joint, parameter, values)
+
+    @cached_property
+    def _groups(self) -> tuple[EqualColumns, ...]:
+        """Columns whose values are computed together."""
+        return equal_columns([(j, law) for j, _, law, _ in self.entries])
 
     def _of_joints(self, motion: Motion, names: set[str]) -> dict[str, Array]:
         """Values of the symbols `names`: `state` for each node, shape (m, N), all others for each joint, (n, N)."""
