@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from armid.kernel.channels import passes
-from armid.kernel.channels.passes import speeds, third_differences, trapezoidal_sections, zero_phase
+from armid.kernel.channels.passes import (
+    filter_columns,
+    speeds,
+    third_differences,
+    trapezoidal_sections,
+    zero_phase,
+)
 from armid.maths.signals.zero_phase_filters import butterworth, gain, settling_samples
 from problems import COMPILED, TWIN
 
@@ -110,3 +116,25 @@ def test_speeds_and_third_differences_are_those_of_the_twin(channels: int):
             found, least = third_differences(q, time, begin, last, chosen=build)
             assert np.allclose(found, third, rtol=0.0, atol=DIFFERENCES)
             assert np.array_equal(least, smallest)
+
+
+@pytest.mark.parametrize("columns", [1, 3, 8, 17, 33])
+@pytest.mark.parametrize(("first", "step"), [(0, 1), (2, 3), (5, 700)])
+def test_every_build_filters_columns_as_the_twin(columns: int, first: int, step: int):
+    """Columns that fill a part of a register, all of it, and more than two, at all samples and at a few."""
+    cutoff, samples = 20.0, 2003
+    x = np.ascontiguousarray(signals(np.random.default_rng(columns), samples, columns).T)
+    for order in (1, 4, 5):
+        filter = butterworth(order, cutoff, RATE)
+        twin = filter_columns(filter, x, first, step, chosen=TWIN)
+        assert twin.shape == (columns, len(range(first, samples, step)))
+        for build in COMPILED:
+            found = filter_columns(filter, x, first, step, chosen=build)
+            assert np.abs(found - twin).max() <= lost(cutoff) * np.abs(x).max()
+
+
+def test_a_line_passes_the_filter_of_columns():
+    x = np.array([np.linspace(-1.0, 5.0, 900), np.linspace(3.0, 2.0, 900)])
+    for build in COMPILED:
+        found = filter_columns(butterworth(4, 20.0, RATE), x, chosen=build)
+        assert np.abs(found - x).max() <= DIFFERENCES * np.abs(x).max()

@@ -136,7 +136,7 @@ class QuickFit:
 def make_rows(source: ColumnSource, log: DownsampledLog) -> QuickRows:
     """Computes the filtered columns and torque of a downsampled log."""
     parts = [all_rows(source, run, log.band) for run in log.runs]
-    x = np.concatenate(parts, axis=1)
+    x = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
     offset, n = source.layout.offset, source.tree.n
     torque = np.column_stack([x[offset[j + 1] - 1] for j in range(n)])
     pick = [(run, run.rows) for run in log.runs]
@@ -170,13 +170,10 @@ def solve(rows: QuickRows, extra: Array | None = None) -> QuickFit:
     blocks: list[Array] = []
     sides: list[Array] = []
     joints: list[NDArray[np.intp]] = []
-    tables: list[Array] = []
+    filled: list[Array] = []
     counted = np.maximum(rows.mask.sum(axis=0), 1)
-    for j in range(rows.n):
-        A = rows.columns[j] if extra is None else np.concatenate([rows.columns[j], extra[:, :, j]])
-        table = np.concatenate([A, rows.torque[:, j][None]])
-        table *= rows.mask[:, j]
-        tables.append(table)
+    for j, table in enumerate(tables(rows, extra)):
+        filled.append(table)
         R = kernel.factor_columns(table)[0]
         wide = np.zeros((len(R), total))
         wide[:, np.concatenate([rows.parameters[j], np.arange(rows.count, total)])] = R[:, :-1]
@@ -196,7 +193,7 @@ def solve(rows: QuickRows, extra: Array | None = None) -> QuickFit:
         before, sigma = sigma, np.maximum(np.sqrt(remaining / counted), FLOOR * size)
         if (np.abs(sigma - before) < SETTLED * sigma).all():
             break
-    return QuickFit(x, sigma, rows, tuple(tables), A, y, joint)
+    return QuickFit(x, sigma, rows, tuple(filled), A, y, joint)
 
 
 def solve_joint(fit: QuickFit, j: int, rows: QuickRows) -> QuickFit:
@@ -263,10 +260,18 @@ def tables(rows: QuickRows, extra: Array | None = None, mask: NDArray[np.bool_] 
         extra: Columns of e additional parameters, shape (e, M, n).
         mask: Mask of the rows that are used, shape (M, n); if not given, that of `rows`.
     """
-    extras = np.zeros((0, *rows.torque.shape)) if extra is None else extra
     counts = rows.mask if mask is None else mask
+    extras = 0 if extra is None else len(extra)
     for j, columns in enumerate(rows.columns):
-        yield np.vstack([columns, extras[:, :, j], rows.torque[:, j]]) * counts[:, j]
+        k = len(columns)
+        table = np.empty((k + extras + 1, len(rows.torque)))
+        table[:k] = columns
+        if extra is not None:
+            table[k:-1] = extra[:, :, j]
+        table[-1] = rows.torque[:, j]
+        if not counts[:, j].all():
+            table *= counts[:, j]
+        yield table
 
 
 def cost_of(rows: QuickRows, pairs: Sequence[Array], sign: Array | None = None) -> float:

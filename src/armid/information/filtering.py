@@ -15,7 +15,7 @@ import numpy as np
 from armid import kernel
 from armid.checked_array import Array
 from armid.information.base_regressor_layout import ColumnSource
-from armid.kernel.channels.passes import filters_by_recursion
+from armid.kernel.channels.passes import filter_columns, filters_by_recursion
 from armid.kernel.channels.passes import zero_phase as zero_phase_differences
 from armid.maths.signals.decimation import coarsest_step, decimate, decimation_filter, decimation_step, interpolate
 from armid.maths.signals.zero_phase_filters import low_pass, periodic_filter, settling_samples, zero_phase
@@ -48,7 +48,7 @@ def _at_rows(filter: Array, x: Array, first: int = 0, step: int = 1) -> Array:
     """Filters columns (K, N) of one run; the result has every `step`-th sample from `first` on."""
     if not filters_by_recursion(filter, x.shape[1]):
         return zero_phase(filter, x, axis=1, first=first, step=step)
-    return np.ascontiguousarray(zero_phase_differences(filter, x.T, 1.0, 0)[0][first::step].T)
+    return filter_columns(filter, x, first, step)
 
 
 def filtered_torque(run: ObservedRun, band: Band) -> Array:
@@ -164,12 +164,21 @@ class _EarlyColumns:
 
     def _inside(self, a: int, b: int) -> Array:
         half = len(self.taps) // 2
+        if half == 0:
+            return self._undecimated(a, b)
         out = np.zeros((self.source.layout.columns, b - a))
         lowest = self.first + a * self.step - half
         end = min(self.first + (b - 1) * self.step + half + 1, self.run.motion.samples)
         for begin in range(max(lowest, 0), end, CHUNK):
             self._add(begin, min(begin + CHUNK, end), lowest, out)
         return out
+
+    def _undecimated(self, a: int, b: int) -> Array:
+        """Columns at the samples `first` + a to `first` + b - 1; the only tap is one."""
+        rows = slice(self.first + a, self.first + b)
+        part, tree, layout = self.run.motion[rows], self.source.tree, self.source.layout
+        terms = self.source.term_rows(part)
+        return kernel.columns(tree, layout, part.q, part.dq, part.ddq, self.run.torque[rows], terms)
 
     def _add(self, begin: int, end: int, first_tap: int, out: Array) -> None:
         """Adds samples `begin` to `end - 1` to the decimated rows `out`.
