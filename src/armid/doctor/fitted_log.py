@@ -16,7 +16,7 @@ from armid.doctor.earlier_run_links import DESCRIPTION, KnownLinks, torque_with_
 from armid.doctor.quick_fit import QuickFit, QuickRows, make_rows, solve, solve_joint
 from armid.information.base_regressor_layout import ColumnSource, column_source, torque_source
 from armid.information.filtered_rows import all_rows
-from armid.information.filtering import in_band
+from armid.information.filtering import in_band, rows_in_band
 from armid.measurement.observations import ObservedRun
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel
@@ -227,7 +227,7 @@ class LogState:
         parts: list[Array] = []
         for run in self.log.runs:
             x, raw = compute(run), self.log.band.is_open or not run.consecutive
-            parts.append((x if raw else in_band(x, run.rate, self.log.band))[run.rows])
+            parts.append(x[run.rows] if raw else rows_in_band(run, x, self.log.band))
         return np.concatenate(parts)
 
     def joint_columns(self, j: int) -> Array:

@@ -7,7 +7,7 @@ an estimate, the same filter is applied to torque and columns, and a triangular 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -261,7 +261,7 @@ def tables(rows: QuickRows, extra: Array | None = None, mask: NDArray[np.bool_] 
         mask: Mask of the rows that are used, shape (M, n); if not given, that of `rows`.
     """
     counts = rows.mask if mask is None else mask
-    extras = 0 if extra is None else len(extra)
+    extras, every = 0 if extra is None else len(extra), bool(counts.all())
     for j, columns in enumerate(rows.columns):
         k = len(columns)
         table = np.empty((k + extras + 1, len(rows.torque)))
@@ -269,7 +269,7 @@ def tables(rows: QuickRows, extra: Array | None = None, mask: NDArray[np.bool_] 
         if extra is not None:
             table[k:-1] = extra[:, :, j]
         table[-1] = rows.torque[:, j]
-        if not counts[:, j].all():
+        if not every:
             table *= counts[:, j]
         yield table
 
@@ -283,6 +283,24 @@ def cost_of(rows: QuickRows, pairs: Sequence[Array], sign: Array | None = None) 
         sign: Factor by which the torque of each joint is multiplied, shape (n,); 1 if not given.
     """
     return float(np.mean(np.log(solve_products(rows, pairs, np.maximum(rows.mask.sum(axis=0), 1), sign)[1])))
+
+
+def solve_coarsely(rows: QuickRows, extra: Array | None = None) -> tuple[Array, Array]:
+    """Solves the least squares of `solve` from scalar products, in a third of the time and with half of the digits.
+
+    Args:
+        rows: Columns and torque.
+        extra: Columns of e additional parameters, shape (e, M, n).
+
+    Returns:
+        Parameters, shape (b + e,), and RMS residual of each joint, shape (n,) [N·m or N].
+    """
+    wide, pairs = rows, products(rows, extra)
+    if extra is not None:
+        numbers = np.arange(rows.count, rows.count + len(extra), dtype=np.int32)
+        parameters = tuple(np.append(own, numbers) for own in rows.parameters)
+        wide = replace(rows, parameters=parameters, count=rows.count + len(extra))
+    return solve_products(wide, pairs, np.maximum(rows.mask.sum(axis=0), 1))
 
 
 def solve_products(

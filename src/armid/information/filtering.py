@@ -44,6 +44,15 @@ def in_band(x: Array, rate: float, band: Band) -> Array:
     return zero_phase(filter, x)
 
 
+def rows_in_band(run: ObservedRun, x: Array, band: Band) -> Array:
+    """Filters signals (N, ...) of a run with the low-pass of the band and takes the rows of the run, (M, ...)."""
+    filter = low_pass(band.family, band.order, band.cutoff, run.rate)
+    if filter is None or band.edges == "periodic" or not filters_by_recursion(filter, len(x)):
+        return in_band(x, run.rate, band)[run.rows]
+    kept = filter_columns(filter, x.reshape(len(x), -1).T, run.offset, run.step)
+    return np.ascontiguousarray(kept.T).reshape(-1, *x.shape[1:])
+
+
 def _at_rows(filter: Array, x: Array, first: int = 0, step: int = 1) -> Array:
     """Filters columns (K, N) of one run; the result has every `step`-th sample from `first` on."""
     if not filters_by_recursion(filter, x.shape[1]):

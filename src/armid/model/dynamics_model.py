@@ -26,7 +26,7 @@ from armid.model.parameter_name import ParameterName
 from armid.model.terms import DEFAULT_TERMS, Law, RigidBody, Term
 from armid.model.terms.equal_columns import EqualColumns, equal_columns
 from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS, rigid_body_units
-from armid.model.torque_law_expression import derivative, evaluate, number, symbols, text
+from armid.model.torque_law_expression import Expression, derivative, evaluate, number, symbols, text
 from armid.notebook_display import Displayed, Summary, plural
 from armid.robot.missing_inertia import links_without_inertia
 from armid.robot.robot import Robot
@@ -325,15 +325,19 @@ class DynamicsModel(Displayed):
         if self.has_rigid_bodies:
             M += kernel.mass_matrix(self.tree, self._inertial(theta), q)
         still = {"q": q.T, "dq": np.zeros_like(q.T), "ddq": np.zeros_like(q.T)}
-        for column, (_, law) in zip(self.law_columns, self.laws, strict=True):
-            per_acceleration = derivative(law.expression, "ddq")
-            if per_acceleration == number(0.0):
-                continue
+        for column, law, per_acceleration in self._inertias:
             inertia = theta[column] * evaluate(per_acceleration, self._environment(law, still))
             for i, w_i in law.coordinate:
                 for j, w_j in law.coordinate:
                     M[:, i, j] += w_i * w_j * inertia
         return M
+
+    @cached_property
+    def _inertias(self) -> tuple[tuple[int, Law, Expression], ...]:
+        """Index of the parameter, law, and torque per acceleration of each law that depends on the acceleration."""
+        each = zip(self.law_columns, (law for _, law in self.laws), strict=True)
+        inertias = ((int(column), law, derivative(law.expression, "ddq")) for column, law in each)
+        return tuple(each for each in inertias if each[2] != number(0.0))
 
     def coriolis_matrix(self, q: ArrayLike, dq: ArrayLike, parameters: ArrayLike) -> Array:
         """Coriolis matrix C(q, q̇) with Christoffel symbols, shape (N, n, n); dM/dt - 2 C is skew-symmetric."""

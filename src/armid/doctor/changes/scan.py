@@ -194,7 +194,7 @@ def _gains(each: Alternative, sums: BlockSums, abrupt: NDArray[np.bool_], size: 
         abrupt: True for each shape that is a step, shape (s,).
         size: Sizes of the shapes in each block, shape (s, BLOCKS).
     """
-    gram = ((size @ sums.gram.swapaxes(1, 2)) * size).sum(axis=-1)
+    gram = ((size @ sums.gram.swapaxes(1, 2)) * size) @ np.ones(BLOCKS)
     side = sums.residual @ size.T
     if each.kind in ("gain", "order"):
         factors = FACTORS if each.kind == "gain" else np.array([1.0])

@@ -79,9 +79,7 @@ def zero_phase(
     return tuple(results)
 
 
-def filter_columns(
-    filter: Array, x: ArrayLike, first: int = 0, step: int = 1, *, chosen: str | None = None
-) -> Array:
+def filter_columns(filter: Array, x: ArrayLike, first: int = 0, step: int = 1, *, chosen: str | None = None) -> Array:
     """Filtered regressor columns, as `zero_phase` filters channels, at every `step`-th sample: shape (K, rows).
 
     Args:

@@ -21,8 +21,8 @@ class EqualColumns:
         joints: Joint on whose torque each column acts, shape (g,).
         expression: Expression of their laws.
         symbols: Symbols in this expression.
-        law: The law if it depends on a combination of joints or has hysteresis; `None` for laws of single joints, whose
-            symbols are those of the joints of the columns.
+        law: The law if it depends on a combination of joints or has hysteresis; `None` for laws of single joints,
+            whose symbols are those of the joints of the columns.
     """
 
     entries: NDArray[np.intp]
