@@ -320,8 +320,9 @@ def _products(information: Information, chosen: NDArray[np.bool_], weights: Arra
 
 def _schur_complement(products: Array, kept: NDArray[np.intp], rest: NDArray[np.intp], E: Array) -> Array:
     """Products of the columns `rest` after subtraction of their fit by the columns `kept`, with coefficients E."""
-    cross = E.T @ products[np.ix_(kept, rest)]
-    return products[np.ix_(rest, rest)] - cross - cross.T + E.T @ products[np.ix_(kept, kept)] @ E
+    fitted = E.T @ products[kept]  # whole rows, which are gathered far faster than single elements
+    cross = fitted[:, rest]
+    return products[np.ix_(rest, rest)] - cross - cross.T + fitted[:, kept] @ E
 
 
 def _gain(x: Array, M: Array, at: NDArray[np.intp]) -> Array:
