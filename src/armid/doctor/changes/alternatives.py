@@ -69,7 +69,7 @@ class Alternative:
     def concerned(self) -> NDArray[np.bool_]:
         """True for each coefficient and each joint whose torque it changes, shape (e, n)."""
         if self.of_torque is None and self.kind != "order":
-            return self.columns.any(axis=1)
+            return np.asarray(self.columns.any(axis=1), dtype=np.bool_)
         result = np.zeros((len(self.columns), self.columns.shape[2]), dtype=np.bool_)
         result[:, list(self.joints) if self.of_torque is None else self.of_torque] = True
         return result

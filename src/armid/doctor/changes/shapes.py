@@ -75,8 +75,9 @@ def shapes() -> tuple[tuple[ChangeShape, ...], NDArray[np.bool_], Array]:
 @lru_cache(maxsize=256)
 def inverted_in_part(shape: ChangeShape) -> tuple[tuple[tuple[int, int], ...], Array]:
     """Second parts with which a step differs from a step (`ChangeShape.inverted`), and their sizes, (s, BLOCKS)."""
-    steps = [each for each in shapes()[0][:-1] if each.form == "step"]
-    parts = shapes()[2][: len(steps)].astype(np.bool_)
-    size = parts ^ shape.size.astype(np.bool_)
-    enough = np.flatnonzero((size.sum(axis=1) >= SHORTEST) & (size.sum(axis=1) <= BLOCKS - SHORTEST))
-    return tuple((steps[k].first, steps[k].stop) for k in enough), size[enough].astype(np.float64)
+    every, abrupt, sizes = shapes()
+    steps = np.flatnonzero(abrupt[:-1])
+    size = sizes[steps].astype(np.bool_) ^ shape.size.astype(np.bool_)
+    changed = np.count_nonzero(size, axis=1)
+    enough = np.flatnonzero((changed >= SHORTEST) & (changed <= BLOCKS - SHORTEST))
+    return tuple((every[k].first, every[k].stop) for k in steps[enough]), size[enough].astype(np.float64)
