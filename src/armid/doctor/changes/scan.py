@@ -142,6 +142,8 @@ def _block_sums(
     several = [k for k, each in enumerate(alternatives) if len(each.columns) > 1]
     for j, unit in enumerate(columns):
         which = np.flatnonzero(concerned[:, j])
+        if not len(which):
+            continue
         x = np.stack([flat[k][:, j] for k in which]) * weight[:, j]
         model[which] += _products(x, unit, starts)
         along[which] += np.add.reduceat(x * residual[:, j], starts, axis=1)
