@@ -39,6 +39,23 @@ void zero_phase(const std::string& isa, In<double> x, In<double> sections, std::
   });
 }
 
+void filter_columns(const std::string& isa, In<double> x, In<double> sections, std::int64_t reach, std::int64_t first,
+                    std::int64_t step, Out<double> out) {
+  const Channels columns = channels_of(x);  // (columns, samples)
+  require(sections.size() > 0 && sections.size() % 3 == 0, "sections must be (k, 3)");
+  const std::ptrdiff_t samples = columns.n, count = columns.samples;
+  require(0 < reach && reach < samples, "the filter must settle within the samples");
+  require(out.ndim() == 2 && out.shape(0) == x.shape(0), "out must be (columns, rows)");
+  const std::ptrdiff_t rows = static_cast<std::ptrdiff_t>(out.shape(1));
+  require(first >= 0 && step > 0 && (rows == 0 || first + (rows - 1) * step < samples), "rows must lie inside of x");
+  const Filter filter{
+      sections.data(), static_cast<int>(sections.size() / 3), static_cast<std::ptrdiff_t>(reach), 1.0, {0.0, 0.0}};
+  const Kernel& k = kernel(isa);
+  double* to = out.data();
+  nb::gil_scoped_release release;
+  k.filter_columns(columns.values, samples, static_cast<int>(count), filter, first, step, rows, to);
+}
+
 void speeds(const std::string& isa, In<double> x, std::int64_t half, double scale, std::int64_t begin,
             Out<double> out) {
   const Channels channels = channels_of(x);
@@ -97,6 +114,7 @@ void heights(const std::string& isa, In<double> padded, std::int64_t length, Out
 
 void bind_channels(nb::module_& m) {
   bind(m, "zero_phase", &zero_phase);
+  bind(m, "filter_columns", &filter_columns);
   bind(m, "speeds", &speeds);
   bind(m, "third_differences", &third_differences);
   bind(m, "decimate_channels", &decimate_channels);

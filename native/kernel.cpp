@@ -3,6 +3,7 @@
 
 #include "adjoint.hpp"
 #include "channels.hpp"
+#include "column_filter.hpp"
 #include "decimate.hpp"
 #include "dynamics.hpp"
 #include "factor.hpp"
@@ -78,6 +79,7 @@ const Kernel ARMID_TABLE(ARMID_ISA) = {
     ARMID_ISA::decimate_columns,
     ARMID_ISA::play,
     ARMID_ISA::zero_phase,
+    ARMID_ISA::filter_columns,
     ARMID_ISA::speeds,
     ARMID_ISA::third_differences,
     ARMID_ISA::decimate_channels,

@@ -27,6 +27,9 @@ struct Kernel {
   // Filtered samples [begin, end) and their derivatives; `begin` is a multiple of `piece`.
   void (*zero_phase)(const Channels&, const Filter&, std::ptrdiff_t piece, std::ptrdiff_t begin, std::ptrdiff_t end,
                      const Filtered&);
+  // Samples first, first + step, … of columns (columns, samples) after the filter: out (columns, rows).
+  void (*filter_columns)(const double* x, std::ptrdiff_t samples, int columns, const Filter&, std::ptrdiff_t first,
+                         std::ptrdiff_t step, std::ptrdiff_t rows, double* out);
   // Speeds and third differences (n, end - begin) of samples [begin, end), one row a channel.
   void (*speeds)(const Channels&, std::ptrdiff_t half, double scale, std::ptrdiff_t begin, std::ptrdiff_t end,
                  double* out);

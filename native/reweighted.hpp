@@ -1,7 +1,7 @@
 // Least squares in which each joint is weighted by its residual, from the products of each joint's columns.
 //
-// The normal equations are solved by Cholesky's method in the order of outer products, whose inner loop runs along rows
-// of memory; the right side is one more column.
+// The normal equations are solved by Cholesky's method in the order of outer products, four at a time, whose inner loop
+// runs along rows of memory; the right side is one more column.
 #pragma once
 
 #include "arm.hpp"
@@ -9,19 +9,32 @@
 
 namespace armid::ARMID_ISA {
 
+constexpr int FEW = 4;  // outer products that are subtracted from a row while it is in registers
+
 // Solves A x = r for a positive definite A of which `U` (count, count + 1) holds the upper half, and r behind it. No
 // pivot of A is below `least` but by rounding.
 inline void solve_positive(double* U, int count, double least, double* x) {
   const int width = count + 1;
-  for (int k = 0; k < count; ++k) {
-    double* __restrict own = U + k * width;
-    own[k] = std::sqrt(own[k] < least ? least : own[k]);  // what is not a number stays so
-    const double inverse = 1.0 / own[k];
-    for (int c = k + 1; c < width; ++c) own[c] *= inverse;
-    for (int i = k + 1; i < count; ++i) {
-      const double factor = own[i];
+  for (int k = 0; k < count; k += FEW) {
+    const int end = k + FEW < count ? k + FEW : count;
+    for (int a = k; a < end; ++a) {
+      double* __restrict own = U + a * width;
+      own[a] = std::sqrt(own[a] < least ? least : own[a]);  // what is not a number stays so
+      const double inverse = 1.0 / own[a];
+      for (int c = a + 1; c < width; ++c) own[c] *= inverse;
+      for (int i = a + 1; i < end; ++i) {
+        const double factor = own[i];
+        double* __restrict row = U + i * width;
+        for (int c = i; c < width; ++c) row[c] -= factor * own[c];
+      }
+    }
+    const double* __restrict o = U + k * width;  // FEW rows: where fewer are left, none is below them
+    for (int i = end; i < count; ++i) {
+      const double f0 = o[i], f1 = o[width + i], f2 = o[2 * width + i], f3 = o[3 * width + i];
       double* __restrict row = U + i * width;
-      for (int c = i; c < width; ++c) row[c] -= factor * own[c];
+      for (int c = i; c < width; ++c) {
+        row[c] = row[c] - f0 * o[c] - f1 * o[width + c] - f2 * o[2 * width + c] - f3 * o[3 * width + c];
+      }
     }
   }
   for (int k = count - 1; k >= 0; --k) {

@@ -33,7 +33,11 @@ from armid.report import sections
 from armid.robot import readers as robot_readers
 
 CATALOGUES = {
-    "terms": (terms, TERMS, {"term", "checks", "law_programs", "selection_candidates"}),
+    "terms": (
+        terms,
+        TERMS,
+        {"term", "checks", "equal_columns", "filtered_steps", "law_programs", "selection_candidates"},
+    ),
     "estimators": (estimators, ESTIMATORS, set()),
     "robot readers": (robot_readers, robot_readers.READERS, set()),
     "report sections": (sections, sections.SECTIONS, set()),

@@ -8,6 +8,7 @@ import pytest
 from armid.kernel.channels import passes
 from armid.kernel.channels.passes import (
     decimate,
+    filter_columns,
     heights,
     speeds,
     third_differences,
@@ -153,3 +154,25 @@ def test_heights_of_runs_are_those_of_the_twin(length: int):
         for build in COMPILED:
             for one, other in zip(heights(padded, length, chosen=build), known, strict=True):
                 assert np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("columns", [1, 3, 8, 17, 33])
+@pytest.mark.parametrize(("first", "step"), [(0, 1), (2, 3), (5, 700)])
+def test_every_build_filters_columns_as_the_twin(columns: int, first: int, step: int):
+    """Columns that fill a part of a register, all of it, and more than two, at all samples and at a few."""
+    cutoff, samples = 20.0, 2003
+    x = np.ascontiguousarray(signals(np.random.default_rng(columns), samples, columns).T)
+    for order in (1, 4, 5):
+        filter = butterworth(order, cutoff, RATE)
+        twin = filter_columns(filter, x, first, step, chosen=TWIN)
+        assert twin.shape == (columns, len(range(first, samples, step)))
+        for build in COMPILED:
+            found = filter_columns(filter, x, first, step, chosen=build)
+            assert np.abs(found - twin).max() <= lost(cutoff) * np.abs(x).max()
+
+
+def test_a_line_passes_the_filter_of_columns():
+    x = np.array([np.linspace(-1.0, 5.0, 900), np.linspace(3.0, 2.0, 900)])
+    for build in COMPILED:
+        found = filter_columns(butterworth(4, 20.0, RATE), x, chosen=build)
+        assert np.abs(found - x).max() <= DIFFERENCES * np.abs(x).max()

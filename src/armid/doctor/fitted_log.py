@@ -14,8 +14,9 @@ from armid.checked_array import Array
 from armid.doctor.downsample import DownsampledLog
 from armid.doctor.earlier_run_links import DESCRIPTION, KnownLinks, torque_with_load
 from armid.doctor.quick_fit import QuickFit, QuickRows, make_rows, solve, solve_joint
-from armid.information.base_regressor_layout import ColumnSource, column_source
-from armid.information.filtering import in_band
+from armid.information.base_regressor_layout import ColumnSource, column_source, torque_source
+from armid.information.filtered_rows import all_rows
+from armid.information.filtering import in_band, rows_in_band
 from armid.measurement.observations import ObservedRun
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics_model import DynamicsModel
@@ -107,6 +108,15 @@ class LogState:
             runs.append(replace(run, torque=run.torque - lifted))
         after = self.on(replace(self.log, runs=tuple(runs)))
         after.__dict__["rows"] = replace(self.rows, torque=self.rows.torque - change)
+        return after
+
+    def with_torques(self, torques: Sequence[Array]) -> LogState:
+        """The same state with another torque of each run, shape (N, n) [N·m or N]; the columns are reused."""
+        runs = tuple(replace(run, torque=x) for run, x in zip(self.log.runs, torques, strict=True))
+        after = self.on(replace(self.log, runs=runs))
+        source = torque_source(self.model)
+        filtered = [all_rows(source, run, after.log.band) for run in runs]
+        after.__dict__["rows"] = replace(self.rows, torque=np.concatenate(filtered, axis=1).T)
         return after
 
     def on(self, log: DownsampledLog) -> LogState:
@@ -217,7 +227,7 @@ class LogState:
         parts: list[Array] = []
         for run in self.log.runs:
             x, raw = compute(run), self.log.band.is_open or not run.consecutive
-            parts.append((x if raw else in_band(x, run.rate, self.log.band))[run.rows])
+            parts.append(x[run.rows] if raw else rows_in_band(run, x, self.log.band))
         return np.concatenate(parts)
 
     def joint_columns(self, j: int) -> Array:

@@ -7,7 +7,7 @@ an estimate, the same filter is applied to torque and columns, and a triangular 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -136,7 +136,7 @@ class QuickFit:
 def make_rows(source: ColumnSource, log: DownsampledLog) -> QuickRows:
     """Computes the filtered columns and torque of a downsampled log."""
     parts = [all_rows(source, run, log.band) for run in log.runs]
-    x = np.concatenate(parts, axis=1)
+    x = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
     offset, n = source.layout.offset, source.tree.n
     torque = np.column_stack([x[offset[j + 1] - 1] for j in range(n)])
     pick = [(run, run.rows) for run in log.runs]
@@ -170,13 +170,11 @@ def solve(rows: QuickRows, extra: Array | None = None) -> QuickFit:
     blocks: list[Array] = []
     sides: list[Array] = []
     joints: list[NDArray[np.intp]] = []
-    tables: list[Array] = []
+    filled: list[Array] = []
     counted = np.maximum(rows.mask.sum(axis=0), 1)
-    for j in range(rows.n):
-        A = rows.columns[j] if extra is None else np.concatenate([rows.columns[j], extra[:, :, j]])
-        table = np.concatenate([A, rows.torque[:, j][None]]) * rows.mask[:, j]
-        tables.append(table)
-        R: Array = np.asarray(np.linalg.qr(table.T, mode="r"))
+    for j, table in enumerate(tables(rows, extra)):
+        filled.append(table)
+        R = kernel.factor_columns(table)[0]
         wide = np.zeros((len(R), total))
         wide[:, np.concatenate([rows.parameters[j], np.arange(rows.count, total)])] = R[:, :-1]
         blocks.append(wide)
@@ -195,7 +193,7 @@ def solve(rows: QuickRows, extra: Array | None = None) -> QuickFit:
         before, sigma = sigma, np.maximum(np.sqrt(remaining / counted), FLOOR * size)
         if (np.abs(sigma - before) < SETTLED * sigma).all():
             break
-    return QuickFit(x, sigma, rows, tuple(tables), A, y, joint)
+    return QuickFit(x, sigma, rows, tuple(filled), A, y, joint)
 
 
 def solve_joint(fit: QuickFit, j: int, rows: QuickRows) -> QuickFit:
@@ -224,9 +222,9 @@ def _lengths(A: Array) -> Array:
 
 def _inverse(A: Array) -> Array:
     """Matrix X with X Xᵀ = (Aᵀ A)⁺: inverse of the triangular factor, or the pseudoinverse of dependent columns."""
-    R: Array = np.asarray(np.linalg.qr(A, mode="r"))
+    R = kernel.factor_columns(A.T)[0]
     diagonal = np.abs(R.diagonal())
-    if len(R) == A.shape[1] and diagonal.min() > INDEPENDENT * diagonal.max():
+    if diagonal.min() > INDEPENDENT * diagonal.max():
         return np.asarray(np.linalg.inv(R), dtype=np.float64)  # an eighth of the time of singular values
     return np.asarray(np.linalg.pinv(R, rcond=CUT), dtype=np.float64)
 
@@ -236,10 +234,10 @@ def _least_squares(A: Array) -> Array:
 
     If the first k columns are linearly dependent, the coefficients with the smallest norm are returned.
     """
-    R: Array = np.asarray(np.linalg.qr(A, mode="r"))
+    R = kernel.factor_columns(A.T)[0]
     k = A.shape[1] - 1
     diagonal = np.abs(R.diagonal()[:k])
-    if len(R) > k and diagonal.min() > INDEPENDENT * diagonal.max():
+    if diagonal.min() > INDEPENDENT * diagonal.max():
         return np.asarray(np.linalg.solve(R[:k, :k], R[:k, k]), dtype=np.float64)
     return np.asarray(np.linalg.lstsq(R[:, :k], R[:, k], rcond=CUT)[0], dtype=np.float64)
 
@@ -262,10 +260,18 @@ def tables(rows: QuickRows, extra: Array | None = None, mask: NDArray[np.bool_] 
         extra: Columns of e additional parameters, shape (e, M, n).
         mask: Mask of the rows that are used, shape (M, n); if not given, that of `rows`.
     """
-    extras = np.zeros((0, *rows.torque.shape)) if extra is None else extra
     counts = rows.mask if mask is None else mask
+    extras, every = 0 if extra is None else len(extra), bool(counts.all())
     for j, columns in enumerate(rows.columns):
-        yield np.vstack([columns, extras[:, :, j], rows.torque[:, j]]) * counts[:, j]
+        k = len(columns)
+        table = np.empty((k + extras + 1, len(rows.torque)))
+        table[:k] = columns
+        if extra is not None:
+            table[k:-1] = extra[:, :, j]
+        table[-1] = rows.torque[:, j]
+        if not every:
+            table *= counts[:, j]
+        yield table
 
 
 def cost_of(rows: QuickRows, pairs: Sequence[Array], sign: Array | None = None) -> float:
@@ -277,6 +283,24 @@ def cost_of(rows: QuickRows, pairs: Sequence[Array], sign: Array | None = None) 
         sign: Factor by which the torque of each joint is multiplied, shape (n,); 1 if not given.
     """
     return float(np.mean(np.log(solve_products(rows, pairs, np.maximum(rows.mask.sum(axis=0), 1), sign)[1])))
+
+
+def solve_coarsely(rows: QuickRows, extra: Array | None = None) -> tuple[Array, Array]:
+    """Solves the least squares of `solve` from scalar products, in a third of the time and with half of the digits.
+
+    Args:
+        rows: Columns and torque.
+        extra: Columns of e additional parameters, shape (e, M, n).
+
+    Returns:
+        Parameters, shape (b + e,), and RMS residual of each joint, shape (n,) [N·m or N].
+    """
+    wide, pairs = rows, products(rows, extra)
+    if extra is not None:
+        numbers = np.arange(rows.count, rows.count + len(extra), dtype=np.int32)
+        parameters = tuple(np.append(own, numbers) for own in rows.parameters)
+        wide = replace(rows, parameters=parameters, count=rows.count + len(extra))
+    return solve_products(wide, pairs, np.maximum(rows.mask.sum(axis=0), 1))
 
 
 def solve_products(

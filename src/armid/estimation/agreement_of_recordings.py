@@ -291,8 +291,10 @@ def _solve(information: Information, weights: Array) -> Array:
 def _damped_step(A: Array, residual: Array, damping: float) -> Array:
     """Damped least-squares step of the parameters: minimises |A step - residual|² plus a penalty on the step."""
     unit, length = unit_columns(A)
-    rows = np.concatenate([unit, np.sqrt(damping) * np.eye(len(length))])
-    return np.linalg.lstsq(rows, np.concatenate([residual, np.zeros(len(length))]))[0] / length
+    b = len(length)
+    penalty = np.sqrt(damping) * np.eye(b, b + 1)
+    R = factor_columns(np.concatenate([np.column_stack([unit, residual]), penalty]).T)[0]
+    return np.linalg.solve(R[:b, :b], R[:b, b]) / length
 
 
 def _alone(part: Information, weights: Array) -> tuple[Array, Array]:

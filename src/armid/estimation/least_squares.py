@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from armid import kernel
 from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.estimation.fit_result import Fit
@@ -39,8 +40,9 @@ class Solution:
         A, y = stack(whole, weights)
         scaled, length = unit_columns(A)
         self.whole = whole
-        Q, R = np.linalg.qr(scaled)
-        self.values = np.linalg.solve(R, Q.T @ y) / length
+        factor = kernel.factor_columns(np.column_stack([scaled, y]).T)[0]
+        R, side = factor[:-1, :-1], factor[:-1, -1]
+        self.values = np.linalg.solve(R, side) / length
         half = np.linalg.inv(R) / length[:, None]
         self.inverse = half @ half.T
         self.squares = np.empty(whole.n)

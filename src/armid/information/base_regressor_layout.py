@@ -46,3 +46,9 @@ def column_source(model: DynamicsModel, base: BaseParameters) -> ColumnSource:
     parameter = np.array([entry[1] for entry in model.entries], dtype=np.int32)
     layout = make_layout(model.tree, number[model.inertial_columns], joint, number[parameter])
     return ColumnSource(model, model.tree, layout, base.names)
+
+
+def torque_source(model: DynamicsModel) -> ColumnSource:
+    """Creates the source of the measured torque of each joint, without regressor columns."""
+    none = np.empty(0, dtype=np.int32)
+    return ColumnSource(model, model.tree, make_layout(model.tree, none, none, none), ())

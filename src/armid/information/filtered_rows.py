@@ -58,4 +58,5 @@ def rows(source: ColumnSource, run: ObservedRun, band: Band) -> Iterator[tuple[i
 
 def all_rows(source: ColumnSource, run: ObservedRun, band: Band) -> Array:
     """Filtered regressor columns and torque of a whole short run in one array, shape (columns, M)."""
-    return np.concatenate([x for _, x in rows(source, run, band)], axis=1)
+    batches = [x for _, x in rows(source, run, band)]
+    return batches[0] if len(batches) == 1 else np.concatenate(batches, axis=1)

@@ -15,7 +15,7 @@ import numpy as np
 from armid import kernel
 from armid.checked_array import Array
 from armid.information.base_regressor_layout import ColumnSource
-from armid.kernel.channels.passes import filters_by_recursion
+from armid.kernel.channels.passes import filter_columns, filters_by_recursion
 from armid.kernel.channels.passes import zero_phase as zero_phase_differences
 from armid.maths.signals.decimation import coarsest_step, decimate, decimation_filter, decimation_step, interpolate
 from armid.maths.signals.zero_phase_filters import low_pass, periodic_filter, settling_samples, zero_phase
@@ -39,9 +39,25 @@ def in_band(x: Array, rate: float, band: Band) -> Array:
         return x
     if band.edges == "periodic":
         return periodic_filter(filter, x)
-    if x.ndim == 2 and filters_by_recursion(filter, len(x)):
-        return zero_phase_differences(filter, np.ascontiguousarray(x, dtype=np.float64), rate, 0)[0]
+    if filters_by_recursion(filter, len(x)):
+        return zero_phase_differences(filter, x.reshape(len(x), -1), rate, 0)[0].reshape(x.shape)
     return zero_phase(filter, x)
+
+
+def rows_in_band(run: ObservedRun, x: Array, band: Band) -> Array:
+    """Filters signals (N, ...) of a run with the low-pass of the band and takes the rows of the run, (M, ...)."""
+    filter = low_pass(band.family, band.order, band.cutoff, run.rate)
+    if filter is None or band.edges == "periodic" or not filters_by_recursion(filter, len(x)):
+        return in_band(x, run.rate, band)[run.rows]
+    kept = filter_columns(filter, x.reshape(len(x), -1).T, run.offset, run.step)
+    return np.ascontiguousarray(kept.T).reshape(-1, *x.shape[1:])
+
+
+def _at_rows(filter: Array, x: Array, first: int = 0, step: int = 1) -> Array:
+    """Filters columns (K, N) of one run; the result has every `step`-th sample from `first` on."""
+    if not filters_by_recursion(filter, x.shape[1]):
+        return zero_phase(filter, x, axis=1, first=first, step=step)
+    return filter_columns(filter, x, first, step)
 
 
 def filtered_torque(run: ObservedRun, band: Band) -> Array:
@@ -83,10 +99,10 @@ def filtered_columns(source: ColumnSource, run: ObservedRun, band: Band) -> Iter
         a = max(0, lead + start * late // factor - overlap)
         b = min(columns.available, lead + (stop - 1) * late // factor + 1 + overlap)
         if factor == 1:
-            x = zero_phase(filter, columns.between(a, b), axis=1, first=lead + start * late - a, step=late)
+            x = _at_rows(filter, columns.between(a, b), lead + start * late - a, late)
             yield start, np.ascontiguousarray(x[:, : stop - start])
             continue
-        x = zero_phase(filter, columns.between(a, b), axis=1)
+        x = _at_rows(filter, columns.between(a, b))
         for begin in range(start, stop, BATCH):
             yield begin, _rows(x, lead - a, late, factor, begin, min(begin + BATCH, stop), periodic=False)
 
@@ -157,12 +173,21 @@ class _EarlyColumns:
 
     def _inside(self, a: int, b: int) -> Array:
         half = len(self.taps) // 2
+        if half == 0:
+            return self._undecimated(a, b)
         out = np.zeros((self.source.layout.columns, b - a))
         lowest = self.first + a * self.step - half
         end = min(self.first + (b - 1) * self.step + half + 1, self.run.motion.samples)
         for begin in range(max(lowest, 0), end, CHUNK):
             self._add(begin, min(begin + CHUNK, end), lowest, out)
         return out
+
+    def _undecimated(self, a: int, b: int) -> Array:
+        """Columns at the samples `first` + a to `first` + b - 1; the only tap is one."""
+        rows = slice(self.first + a, self.first + b)
+        part, tree, layout = self.run.motion[rows], self.source.tree, self.source.layout
+        terms = self.source.term_rows(part)
+        return kernel.columns(tree, layout, part.q, part.dq, part.ddq, self.run.torque[rows], terms)
 
     def _add(self, begin: int, end: int, first_tap: int, out: Array) -> None:
         """Adds samples `begin` to `end - 1` to the decimated rows `out`.

@@ -7,8 +7,8 @@ bytes, so the memory does not grow with the length of the recordings.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -84,6 +84,19 @@ class KeptRows:
             self._kept[index] = kept
             self._room -= size
 
+    def part(self, runs: Sequence[int]) -> KeptRows:
+        """Rows of the runs with given indices; rows that are stored already are not computed again."""
+        part = object.__new__(KeptRows)
+        part.source = self.source
+        part.observations = Observations(tuple(self.observations.runs[k] for k in runs), self.observations.band)
+        stored = [self._kept[k] for k in runs]
+        part._kept = [
+            None if batches is None else [replace(batch, run=number) for batch in batches]
+            for number, batches in enumerate(stored)
+        ]
+        part._room = self._room
+        return part
+
     def _made(self, index: int) -> Iterator[Batch]:
         """Yields the batches of a run, computed from the samples."""
         run = self.observations.runs[index]
@@ -111,3 +124,19 @@ def kept_rows(model: DynamicsModel, base: BaseParameters, observations: Observat
         found = model, base, KeptRows(column_source(model, base), observations)
         _SHARED[observations] = found
     return found[2]
+
+
+def runs_of(
+    model: DynamicsModel, base: BaseParameters, observations: Observations, runs: Sequence[int]
+) -> Observations:
+    """Observations of the runs with given indices, whose rows in the base parameters are those of all observations.
+
+    Args:
+        model: Arm and torque terms.
+        base: Base parameters of the model.
+        observations: Runs and band.
+        runs: Indices of the runs.
+    """
+    part = Observations(tuple(observations.runs[k] for k in runs), observations.band)
+    _SHARED[part] = model, base, kept_rows(model, base, observations).part(runs)
+    return part

@@ -24,9 +24,10 @@ from armid.model.hysteresis_memory import Coordinate, MemoryNode
 from armid.model.motion import Motion
 from armid.model.parameter_name import ParameterName
 from armid.model.terms import DEFAULT_TERMS, Law, RigidBody, Term
-from armid.model.terms.filtered_steps import add_filtered_steps
+from armid.model.terms.equal_columns import EqualColumns, equal_columns
+from armid.model.terms.filtered_steps import filtered_steps
 from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS, rigid_body_units
-from armid.model.torque_law_expression import derivative, evaluate, number, symbols, text
+from armid.model.torque_law_expression import Expression, derivative, evaluate, number, symbols, text
 from armid.notebook_display import Displayed, Summary, plural
 from armid.robot.missing_inertia import links_without_inertia
 from armid.robot.robot import Robot
@@ -214,26 +215,33 @@ class DynamicsModel(Displayed):
             ModelError: A law has hysteresis, but the motion has no hysteresis states; or a law depends on the load,
                 but the model has no load parameters.
         """
-        entries = self.entries if kept is None else [self.entries[e] for e in kept]
+        entries = [self.entries[e] for e in (range(len(self.entries)) if kept is None else kept)]
+        row_of = np.full(len(self.entries), -1, dtype=np.intp)
+        row_of[slice(None) if kept is None else kept] = np.arange(len(entries))
         values = np.empty((len(entries), motion.samples))
-        of_joints = self._of_joints(motion, {name for _, _, law, _ in entries for name in symbols(law.expression)})
-        for row, (_, _, law, weight) in zip(values, entries, strict=True):
-            environment = self._environment(law, of_joints)
-            row[:] = evaluate(law.expression, environment)
-            if motion.sign_deviation is not None and "dq" in environment and law.memory is None:
-                self._filter_steps(row, law, environment, motion)
+        groups = [(group, rows) for group in self._groups if ((rows := row_of[group.entries]) >= 0).any()]
+        of_joints = self._of_joints(motion, {name for group, _ in groups for name in group.symbols})
+        signs = None if motion.sign_deviation is None else motion.sign_deviation.T
+        for group, rows in groups:
+            if group.law is not None:  # its steps do not pass the filter of a reduced rate
+                values[rows[rows >= 0]] = evaluate(group.expression, self._environment(group.law, of_joints))
+                continue
+            joints = group.joints[rows >= 0]
+            environment = {name: of_joints[name][joints] for name in group.symbols if name in of_joints}
+            values[rows[rows >= 0]] = evaluate(group.expression, environment)
+            if signs is not None and "dq" in environment:
+                values[rows[rows >= 0]] += filtered_steps(group.expression, environment, signs[joints])
+        for row, (_, _, _, weight) in zip(values, entries, strict=True):
             if weight != 1.0:
                 row *= weight
         joint = np.array([e[0] for e in entries], dtype=np.int32)
         parameter = np.array([e[1] for e in entries], dtype=np.int32)
         return TermColumns(joint, parameter, values)
 
-    def _filter_steps(self, row: Array, law: Law, environment: dict[str, Array], motion: Motion) -> None:
-        """Replaces the steps of a law of one joint by filtered steps; laws of combined joints stay as they are."""
-        if motion.sign_deviation is None or len(law.coordinate) > 1:
-            return
-        ((j, weight),) = law.coordinate
-        add_filtered_steps(row, law.expression, environment, np.sign(weight) * motion.sign_deviation[:, j])
+    @cached_property
+    def _groups(self) -> tuple[EqualColumns, ...]:
+        """Columns whose values are computed together."""
+        return equal_columns([(j, law) for j, _, law, _ in self.entries])
 
     def _of_joints(self, motion: Motion, names: set[str]) -> dict[str, Array]:
         """Values of the symbols `names`: `state` for each node, shape (m, N), all others for each joint, (n, N)."""
@@ -321,15 +329,19 @@ class DynamicsModel(Displayed):
         if self.has_rigid_bodies:
             M += kernel.mass_matrix(self.tree, self._inertial(theta), q)
         still = {"q": q.T, "dq": np.zeros_like(q.T), "ddq": np.zeros_like(q.T)}
-        for column, (_, law) in zip(self.law_columns, self.laws, strict=True):
-            per_acceleration = derivative(law.expression, "ddq")
-            if per_acceleration == number(0.0):
-                continue
+        for column, law, per_acceleration in self._inertias:
             inertia = theta[column] * evaluate(per_acceleration, self._environment(law, still))
             for i, w_i in law.coordinate:
                 for j, w_j in law.coordinate:
                     M[:, i, j] += w_i * w_j * inertia
         return M
+
+    @cached_property
+    def _inertias(self) -> tuple[tuple[int, Law, Expression], ...]:
+        """Index of the parameter, law, and torque per acceleration of each law that depends on the acceleration."""
+        each = zip(self.law_columns, (law for _, law in self.laws), strict=True)
+        inertias = ((int(column), law, derivative(law.expression, "ddq")) for column, law in each)
+        return tuple(each for each in inertias if each[2] != number(0.0))
 
     def coriolis_matrix(self, q: ArrayLike, dq: ArrayLike, parameters: ArrayLike) -> Array:
         """Coriolis matrix C(q, q̇) with Christoffel symbols, shape (N, n, n); dM/dt - 2 C is skew-symmetric."""

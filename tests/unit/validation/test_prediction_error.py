@@ -30,6 +30,7 @@ from armid.estimation.uncertainty.recording_change import (
     recording_change,
 )
 from armid.estimation.uncertainty.recording_scatter import with_recording_scatter
+from armid.information.kept_rows import kept_rows
 from armid.maths.distributions import NORMAL, scale_mixture_quantile
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import Observations, ObservedRun
@@ -161,6 +162,31 @@ def test_recordings_alike_are_predicted_as_noise_explains(monkeypatch: pytest.Mo
     ratio = wider.deviation / fit.deviation
     assert (ratio >= 1.0).all() and np.median(ratio) < 1.3  # by chance, single parameters differ by two deviations
     assert leave_out_recordings(build_problem(model, observed(run_of(1))), estimate) == ()
+
+
+def test_the_problem_without_a_recording_is_that_of_the_others():
+    """Factors and rows that are taken from those of all recordings, against those of the other recordings alone."""
+    model, runs = small_model(), [run_of(k, k) for k in range(3)]
+    seen: list[EstimationProblem] = []
+
+    def solve(part: EstimationProblem) -> Fit:
+        seen.append(part)
+        return estimate(part)
+
+    whole = build_problem(model, observed(*runs), scale_deviation=np.full(model.n, 0.1))
+    list(kept_rows(model, whole.require_samples("the test")[1], whole.require_samples("the test")[2]))
+    leave_out_recordings(whole, solve)
+    for k, part in enumerate(seen):
+        alone = build_problem(model, observed(*(run for run in runs if run.recording != k)))
+        base, rows = part.require_samples("the test")[1:]
+        for found, known in zip(part.information.joints, alone.information.joints, strict=True):
+            np.testing.assert_array_equal(found.R, known.R)
+        for name in ("rows", "run", "recording", "scale_deviation"):
+            np.testing.assert_array_equal(getattr(part.information, name), getattr(alone.information, name))
+        both = zip(kept_rows(model, base, rows), kept_rows(model, base, alone.require_samples("")[2]), strict=True)
+        for batch, other in both:
+            assert (batch.run, batch.begin) == (other.run, other.begin)
+            np.testing.assert_array_equal(batch.x, other.x)
 
 
 def test_friction_that_changes_between_recordings_widens_intervals_and_bands():

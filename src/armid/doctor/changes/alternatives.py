@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid import kernel
 from armid.checked_array import Array
@@ -63,6 +64,15 @@ class Alternative:
         if self.kind == "talk" or (len(self.joints) == 1 and self.kind in OF_ONE_TORQUE):
             return self.joints[0]
         return None
+
+    @property
+    def concerned(self) -> NDArray[np.bool_]:
+        """True for each coefficient and each joint whose torque it changes, shape (e, n)."""
+        if self.of_torque is None and self.kind != "order":
+            return np.asarray(self.columns.any(axis=1), dtype=np.bool_)
+        result = np.zeros((len(self.columns), self.columns.shape[2]), dtype=np.bool_)
+        result[:, list(self.joints) if self.of_torque is None else self.of_torque] = True
+        return result
 
 
 def alternatives_of(state: LogState) -> list[Alternative]:

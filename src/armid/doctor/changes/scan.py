@@ -7,7 +7,7 @@ weighted sum over the blocks [Frisch1933].
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -68,13 +68,14 @@ class BlockSums:
     """Scalar products of e weighted columns, summed over each block of rows.
 
     Attributes:
-        model: With the orthonormal columns of the model, shape (e, b, BLOCKS).
-        own: With each other, shape (e, e, BLOCKS).
+        gram: Of each column in each block with each other, after the columns of the model are projected out, shape
+            (e, BLOCKS, e, BLOCKS).
+        own: Of each column with itself, shape (e, BLOCKS).
         residual: With the residual, shape (e, BLOCKS).
         counted: Number of rows that are used for the joints concerned, shape (BLOCKS,).
     """
 
-    model: Array
+    gram: Array
     own: Array
     residual: Array
     counted: Array
@@ -93,11 +94,8 @@ def scan(state: LogState, alternatives: Sequence[Alternative]) -> list[ChangeCan
     residual = fit.residual / fit.sigma
     starts = np.searchsorted(block_of(len(weight)), np.arange(BLOCKS))
     total = float(rows.mask.sum())
-    found: list[ChangeCandidate] = []
-    known = _products_of_joints(alternatives, columns, weight, starts)
-    for k, each in enumerate(alternatives):
-        sums = _block_sums(each, columns, residual, weight, starts, known.get(k))
-        found.append(_best(each, sums, total))
+    sums = _block_sums(alternatives, columns, residual, weight, starts)
+    found = [_best(each, of_each, total) for each, of_each in zip(alternatives, sums, strict=True)]
     return sorted(found, key=lambda candidate: -candidate.gain)
 
 
@@ -116,95 +114,98 @@ def _orthonormal(state: LogState, weight: Array) -> list[Array]:
     return [to_unit[:, own] @ (x * weight[:, j]) for j, (own, x) in enumerate(each)]
 
 
-def _products_of_joints(
-    alternatives: Sequence[Alternative], columns: Sequence[Array], weight: Array, starts: NDArray[np.intp]
-) -> dict[int, Array]:
-    """Scalar products with the model of the alternatives that concern one torque, by their number, (e, b, BLOCKS).
-
-    Those of one joint are computed together, which takes a fifth of the time.
-    """
-    known: dict[int, Array] = {}
-    for j, own in enumerate(columns):
-        of_joint = [k for k, each in enumerate(alternatives) if each.of_torque == j]
-        if not of_joint:
-            continue
-        each = [alternatives[k].columns[:, :, j] * weight[:, j] for k in of_joint]
-        whole = _products(np.concatenate(each), own, starts)
-        ends = np.cumsum([len(x) for x in each])
-        known |= dict(zip(of_joint, np.split(whole, ends[:-1]), strict=True))
-    return known
-
-
-def _products(x: Array, columns: Array, starts: NDArray[np.intp]) -> Array:
-    """Scalar products of some columns (e, M) and columns (b, M) in each block of rows, shape (e, b, BLOCKS)."""
-    ends = [*starts[1:], x.shape[1]]
-    return np.stack([x[:, a:z] @ columns[:, a:z].T for a, z in zip(starts, ends, strict=True)], axis=-1)
-
-
 def _block_sums(
-    each: Alternative,
+    alternatives: Sequence[Alternative],
     columns: Sequence[Array],
     residual: Array,
     weight: Array,
     starts: NDArray[np.intp],
-    known: Array | None,
-) -> BlockSums:
-    """Computes the block sums of an alternative; its products with the model may be known."""
-    extra = each.columns * weight
-    e, b = len(extra), len(columns[0])
-    model = np.zeros((e, b, BLOCKS))
-    own, along = np.zeros((e, e, len(weight))), np.zeros((e, len(weight)))
-    concerned = np.flatnonzero(extra.any(axis=(0, 1))) if known is None else np.array([each.of_torque])
-    for j in map(int, concerned):
-        x = extra[:, :, j]
-        own += x[:, None] * x[None]
-        along += x * residual[:, j]
-        model += _products(x, columns[j], starts) if known is None else known
-    counted = np.add.reduceat((weight[:, list(each.joints)] > 0.0).sum(axis=1), starts)
-    return BlockSums(
-        model, np.add.reduceat(own, starts, axis=2), np.add.reduceat(along, starts, axis=1), counted.astype(float)
-    )
+) -> Iterator[BlockSums]:
+    """Block sums of each alternative.
+
+    The products of the columns of all alternatives with the model are computed together, joint by joint.
+
+    Args:
+        alternatives: What may change.
+        columns: Weighted orthonormal columns of the model, n of shape (b, M).
+        residual: Residual over its standard deviation, shape (M, n).
+        weight: Weight of each row, shape (M, n).
+        starts: First row of each block, shape (BLOCKS,).
+    """
+    flat = [column for each in alternatives for column in each.columns]
+    ends = np.cumsum([len(each.columns) for each in alternatives])
+    parts = [slice(end - len(each.columns), end) for each, end in zip(alternatives, ends, strict=True)]
+    concerned = np.concatenate([each.concerned for each in alternatives])
+    model = np.zeros((len(flat), len(columns[0]), BLOCKS))
+    along, own = np.zeros((2, len(flat), BLOCKS))
+    together = [np.zeros((len(each.columns), len(each.columns), BLOCKS)) for each in alternatives]
+    several = [k for k, each in enumerate(alternatives) if len(each.columns) > 1]
+    for j, unit in enumerate(columns):
+        which = np.flatnonzero(concerned[:, j])
+        if not len(which):
+            continue
+        x = np.stack([flat[k][:, j] for k in which]) * weight[:, j]
+        model[which] += _products(x, unit, starts)
+        along[which] += np.add.reduceat(x * residual[:, j], starts, axis=1)
+        own[which] += np.add.reduceat(x**2, starts, axis=1)
+        for k in several:
+            inside = (which >= parts[k].start) & (which < parts[k].stop)
+            numbers = which[inside] - parts[k].start
+            together[k][numbers[:, None], numbers] += _products(x[inside], x[inside], starts)
+    used = np.add.reduceat(weight > 0.0, starts, axis=0, dtype=np.float64)
+    across = np.arange(BLOCKS)
+    for each, part, pairs in zip(alternatives, parts, together, strict=True):
+        e = len(each.columns)
+        of_model = model[part].swapaxes(1, 2).reshape(e * BLOCKS, -1)
+        gram = -(of_model @ of_model.T).reshape(e, BLOCKS, e, BLOCKS)
+        gram[:, across, :, across] += pairs.transpose(2, 0, 1) if e > 1 else own[part].T[:, :, None]
+        yield BlockSums(gram, own[part], along[part], used[:, list(each.joints)].sum(axis=1))
+
+
+def _products(x: Array, columns: Array, starts: NDArray[np.intp]) -> Array:
+    """Scalar products of some columns (e, M) and columns (b, M) in each block of rows, shape (e, b, BLOCKS)."""
+    result = np.empty((len(x), len(columns), BLOCKS))
+    for k, (a, z) in enumerate(zip(starts, [*starts[1:], x.shape[1]], strict=True)):
+        result[:, :, k] = x[:, a:z] @ columns[:, a:z].T
+    return result
 
 
 def _best(each: Alternative, sums: BlockSums, total: float) -> ChangeCandidate:
     """Finds the best shape of an alternative; a step may have a second part if that explains far more."""
-    every, size = shapes()
-    gained, values = _gains(each, sums, [shape.form == "step" for shape in every], size)
-    gradual = np.array([shape.form != "step" for shape in every[:-1]])
-    s = int(np.argmax(np.where(gradual | (each.kind != "balance"), gained[:-1], -np.inf)))
+    every, abrupt, size = shapes()
+    gained, values = _gains(each, sums, abrupt, size)
+    s = int(np.argmax(np.where(abrupt[:-1] & (each.kind == "balance"), -np.inf, gained[:-1])))
     best, whole, shape, value = float(gained[s]), float(gained[-1]), every[s], values[:, s]
     if shape.form == "step" and best > WORTH * total:
-        more, size = inverted_in_part(shape)
-        gained, values = _gains(each, sums, [True] * len(more), size)
+        parts, size = inverted_in_part(shape)
+        gained, values = _gains(each, sums, np.ones(len(parts), dtype=np.bool_), size)
         s = int(np.argmax(gained))
         if gained[s] > MORE * best:
-            best, shape, value = float(gained[s]), more[s], values[:, s]
+            best, shape, value = float(gained[s]), replace(shape, inverted=parts[s]), values[:, s]
     compared = each.kind not in ("gain", "order") and best > WORTH * total
     steady = min(_share(best, _varying(sums)), 1.0) if compared else 1.0
     return ChangeCandidate(each, shape, value, best / total, steady, _share(whole, best))
 
 
-def _gains(each: Alternative, sums: BlockSums, abrupt: Sequence[bool], size: Array) -> tuple[Array, Array]:
+def _gains(each: Alternative, sums: BlockSums, abrupt: NDArray[np.bool_], size: Array) -> tuple[Array, Array]:
     """Decreases (s,) of the squared residuals by an alternative with s shapes, and its coefficients (e, s).
 
     Args:
         each: The alternative.
         sums: Its block sums.
-        abrupt: True for each shape that is a step.
+        abrupt: True for each shape that is a step, shape (s,).
         size: Sizes of the shapes in each block, shape (s, BLOCKS).
     """
-    square = size**2
-    of_model = sums.model @ size.T
-    gram = sums.own @ square.T - np.einsum("ebs,fbs->efs", of_model, of_model)
+    gram = ((size @ sums.gram.swapaxes(1, 2)) * size) @ np.ones(BLOCKS)
     side = sums.residual @ size.T
     if each.kind in ("gain", "order"):
         factors = FACTORS if each.kind == "gain" else np.array([1.0])
         step = (1.0 / factors - 1.0 if each.kind == "gain" else factors)[:, None]
         priced = 2.0 * np.log(np.abs(factors))[:, None] * (size @ sums.counted)
         gained = -(2.0 * step * side[0] + step**2 * gram[0, 0]) - priced
-        gained[np.ix_((factors < 0.0) | (each.kind == "order"), ~np.array(abrupt))] = -np.inf
+        gained[np.ix_((factors < 0.0) | (each.kind == "order"), ~abrupt)] = -np.inf
         return gained.max(axis=0), factors[np.argmax(gained, axis=0)][None]
-    scale = np.sqrt(np.einsum("ees->es", sums.own @ square.T))
+    scale = np.sqrt(sums.own @ (size**2).T)
     coefficients, gained = _solved(gram, side, np.where(scale > 0.0, scale, 1.0))
     return gained, coefficients
 
@@ -216,7 +217,10 @@ def _share(part: float, whole: float) -> float:
 
 def _solved(gram: Array, side: Array, scale: Array) -> tuple[Array, Array]:
     """Coefficients (e, s) and decreases (s,) of s regularised normal equations with matrices (e, e, s)."""
-    matrices = np.moveaxis(gram / (scale[:, None] * scale[None]), -1, 0) + WEAK * np.eye(len(side))
+    if len(side) == 1:
+        unit = side / scale / (gram[0] / scale**2 + WEAK)
+        return unit / scale, (unit * side / scale)[0]
+    matrices = (gram / (scale[:, None] * scale[None])).transpose(2, 0, 1) + WEAK * np.eye(len(side))
     unit = np.linalg.solve(matrices, (side / scale).T[:, :, None])[:, :, 0].T
     return unit / scale, np.sum(unit * side / scale, axis=0)
 
@@ -224,10 +228,7 @@ def _solved(gram: Array, side: Array, scale: Array) -> tuple[Array, Array]:
 def _varying(sums: BlockSums) -> float:
     """Decrease of the residuals by coefficients that differ from block to block."""
     e = len(sums.residual)
-    gram = -np.einsum("ebk,fbl->ekfl", sums.model, sums.model)
-    across = np.arange(BLOCKS)
-    gram[:, across, :, across] += np.moveaxis(sums.own, -1, 0)
-    side, scale = sums.residual.reshape(-1), np.sqrt(np.einsum("eek->ek", sums.own)).reshape(-1)
+    side, scale = sums.residual.reshape(-1), np.sqrt(sums.own).reshape(-1)
     scale = np.where(scale > 0.0, scale, 1.0)
-    flat = gram.reshape(e * BLOCKS, e * BLOCKS, 1)
+    flat = sums.gram.reshape(e * BLOCKS, e * BLOCKS, 1)
     return float(_solved(flat, side[:, None], scale[:, None])[1][0])

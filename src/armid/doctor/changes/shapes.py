@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
@@ -61,24 +61,23 @@ def _between(first: int, stop: int) -> NDArray[np.bool_]:
 
 
 @lru_cache(maxsize=1)
-def shapes() -> tuple[tuple[ChangeShape, ...], Array]:
-    """All shapes, the last one without a change, and their sizes in each block, shape (s, BLOCKS)."""
+def shapes() -> tuple[tuple[ChangeShape, ...], NDArray[np.bool_], Array]:
+    """All s shapes, the last one constant; a mask of those that are steps, and sizes in each block, (s, BLOCKS)."""
     steps = [
         ChangeShape("step", first, stop)
         for first in range(SHORTEST, BLOCKS)
         for stop in range(first + SHORTEST, BLOCKS + 1)
     ]
     every = (*steps, ChangeShape("ramp"), *(ChangeShape("decay", rate=rate) for rate in DECAYS), ChangeShape("step"))
-    return every, np.stack([shape.size for shape in every])
+    return every, np.array([shape.form == "step" for shape in every]), np.stack([shape.size for shape in every])
 
 
 @lru_cache(maxsize=256)
-def inverted_in_part(shape: ChangeShape) -> tuple[tuple[ChangeShape, ...], Array]:
-    """Steps with a second part that differ from a step, and their sizes in each block, shape (s, BLOCKS)."""
-    plain = np.array([each.form == "step" for each in shapes()[0][:-1]])
-    parts = shapes()[1][:-1][plain].astype(np.bool_)
-    size = parts ^ shape.size.astype(np.bool_)
-    enough = np.flatnonzero((size.sum(axis=1) >= SHORTEST) & (size.sum(axis=1) <= BLOCKS - SHORTEST))
-    steps = [each for each in shapes()[0][:-1] if each.form == "step"]
-    each = (replace(shape, inverted=(steps[k].first, steps[k].stop)) for k in enough)
-    return tuple(each), size[enough].astype(np.float64)
+def inverted_in_part(shape: ChangeShape) -> tuple[tuple[tuple[int, int], ...], Array]:
+    """Second parts with which a step differs from a step (`ChangeShape.inverted`), and their sizes, (s, BLOCKS)."""
+    every, abrupt, sizes = shapes()
+    steps = np.flatnonzero(abrupt[:-1])
+    size = sizes[steps].astype(np.bool_) ^ shape.size.astype(np.bool_)
+    changed = np.count_nonzero(size, axis=1)
+    enough = np.flatnonzero((changed >= SHORTEST) & (changed <= BLOCKS - SHORTEST))
+    return tuple((every[k].first, every[k].stop) for k in steps[enough]), size[enough].astype(np.float64)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from armid.checked_array import Array
@@ -62,7 +60,7 @@ def delay_of_each_joint(state: LogState) -> tuple[Array, Array]:
 
 def with_torque_advanced(state: LogState, seconds: float) -> LogState:
     """The log with its torque moved to earlier times by some seconds, which corrects a delay of the torque."""
-    return state.on(replace(state.log, runs=tuple(_advanced(run, seconds) for run in state.log.runs)))
+    return state.with_torques([_advanced(run, seconds) for run in state.log.runs])
 
 
 def slopes_of(rows: QuickRows, values: Array) -> Array:
@@ -74,8 +72,8 @@ def slopes_of(rows: QuickRows, values: Array) -> Array:
     return slopes
 
 
-def _advanced(run: ObservedRun, seconds: float) -> ObservedRun:
-    """The run with its torque moved to earlier times by some seconds; the torque is continued by odd reflection."""
+def _advanced(run: ObservedRun, seconds: float) -> Array:
+    """Torque (N, n) of a run, moved to earlier times by some seconds and continued by odd reflection."""
     samples = seconds * run.rate
     pad = min(len(run.torque) - 1, int((PADDING + abs(seconds)) * run.rate) + 8)
     x: Array = run.torque
@@ -87,4 +85,4 @@ def _advanced(run: ObservedRun, seconds: float) -> ObservedRun:
     moved = (
         inverse(spectrum(whole - trend) * turn, len(whole)) + trend + (whole[-1] - whole[0]) * samples / len(whole)
     )
-    return replace(run, torque=moved[pad : pad + len(x)])
+    return np.ascontiguousarray(moved[pad : pad + len(x)])

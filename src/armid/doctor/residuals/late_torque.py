@@ -17,7 +17,7 @@ from armid.doctor.fitted_log import LogState
 from armid.doctor.quick_fit import cost_of, products
 from armid.doctor.remedy_trial import HELPS, try_remedy
 from armid.doctor.rows_away_from_reversals import judged_away_from_reversals
-from armid.information.filtering import in_band
+from armid.information.filtering import rows_in_band
 from armid.measurement.remedy_builders import lines
 
 FIRST = 0.05
@@ -136,10 +136,8 @@ def _cost_with_delay(judged: LogState) -> Callable[[int, float], float]:
 
 def _moved(state: LogState, seconds: float) -> Array:
     """Filtered torque at the rows, moved to earlier times by some seconds, shape (M, n) [N·m or N]."""
-    parts = [
-        in_band(_earlier(run.motion.time, run.torque, seconds), run.rate, state.log.band) for run in state.log.runs
-    ]
-    return np.concatenate([part[run.rows] for part, run in zip(parts, state.log.runs, strict=True)])
+    band, runs = state.log.band, state.log.runs
+    return np.concatenate([rows_in_band(run, _earlier(run.motion.time, run.torque, seconds), band) for run in runs])
 
 
 def _earlier(time: Array, torque: Array, seconds: float) -> Array:

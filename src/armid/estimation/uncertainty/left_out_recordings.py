@@ -16,7 +16,7 @@ from armid.checked_array import Array
 from armid.errors import EstimationError
 from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.fit_result import Fit
-from armid.estimation.problem import EstimationProblem, build_problem
+from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.prediction_error import (
     PredictionError,
     prediction_error,
@@ -24,6 +24,8 @@ from armid.estimation.uncertainty.prediction_error import (
 )
 from armid.estimation.uncertainty.recording_change import mean_parameter_variance, recording_change
 from armid.information.information import Information, select, total
+from armid.information.kept_rows import runs_of
+from armid.measurement.observations import Observations
 
 MOST = 5
 """Largest number of estimates with left-out recordings; of more recordings, several are left out together."""
@@ -80,24 +82,33 @@ def leave_out_recordings(
         return ()
     found: list[LeftOut] = []
     for group in np.array_split(numbers, min(MOST, len(numbers))):
-        rest = tuple(run for run in observations.runs if run.recording not in group)
+        kept = [k for k, run in enumerate(observations.runs) if run.recording not in group]
+        others = runs_of(model, base, observations, kept)
+        training = _of_runs(problem, kept, others)
         try:
-            training = build_problem(
-                model,
-                replace(observations, runs=rest),
-                base=base,
-                position_zero_deviation=problem.position_zero_deviation,
-            )
             fit = solve(training)
         except EstimationError:
             continue
         held_out = total(select(problem.information, np.isin(problem.information.recording, group)))
         out = [run.motion.q[run.rows][run.mask.any(axis=1)] for run in observations.runs if run.recording in group]
-        others = replace(observations, runs=rest)
         change = recording_change(model, base, fit.values, training.information, others)
         error = prediction_error(training.information, fit, others, change)
         found.append(_left_out(tuple(int(k) for k in group), fit, error, held_out, np.concatenate(out)))
     return tuple(found)
+
+
+def _of_runs(problem: EstimationProblem, runs: list[int], observations: Observations) -> EstimationProblem:
+    """Problem of some runs, whose factors are those of all runs; the scales of torques are exact.
+
+    Args:
+        problem: Problem of all runs.
+        runs: Indices of the runs, ascending.
+        observations: The observations of these runs.
+    """
+    information = problem.information
+    rest = select(information, np.isin(information.run, runs))
+    exact = replace(rest, run=np.searchsorted(runs, rest.run), scale_deviation=np.zeros(information.n))
+    return replace(problem, information=exact, observations=observations)
 
 
 def _left_out(

@@ -20,7 +20,7 @@ import numpy as np
 
 from armid.checked_array import Array
 from armid.estimation.problem import StandardParameters
-from armid.maths.linalg import half_of, root_of
+from armid.maths.linalg import half_of
 
 PASSES = 40
 """Number of steps of the fixed-point iteration. Each step reduces the error of the logarithm of a scale to at most a
@@ -72,16 +72,15 @@ def prior_scales(
         expected: Scale that the prior of the scales prefers.
     """
     misfit = rows @ difference
-    halves = [rows @ root_of(link) for link in links]
-    spreads = [half @ half.T for half in halves]
+    spreads = rows @ links @ rows.T
+    each = spreads.reshape(len(links), -1)
     noise = correlation * np.eye(len(rows)) + rows @ others @ rows.T
     scales = np.full(len(links), max(expected, 1.0))
     for _ in range(PASSES):
-        whole = noise + sum((s * spread for s, spread in zip(scales, spreads, strict=True)), np.zeros_like(noise))
-        inverse = np.linalg.inv(whole)
+        inverse = np.linalg.inv(noise + (scales @ each).reshape(noise.shape))
         pulled = inverse @ misfit
-        found = np.array([pulled @ spread @ pulled for spread in spreads])
-        by_chance = np.array([np.sum(inverse * spread) for spread in spreads])
+        found = spreads @ pulled @ pulled
+        by_chance = each @ inverse.ravel()
         scales = scales * np.sqrt((found + FREEDOM * expected / scales**2) / (by_chance + FREEDOM / scales))
         scales = np.clip(scales, 1.0, LARGEST)
     return scales

@@ -79,6 +79,26 @@ def zero_phase(
     return tuple(results)
 
 
+def filter_columns(filter: Array, x: ArrayLike, first: int = 0, step: int = 1, *, chosen: str | None = None) -> Array:
+    """Filtered regressor columns, as `zero_phase` filters channels, at every `step`-th sample: shape (K, rows).
+
+    Args:
+        filter: Second-order sections of `butterworth`, shape (k, 6).
+        x: Columns, shape (K, N); the filter must settle within N samples, see `filters_by_recursion`.
+        first: First sample that is returned.
+        step: Number of samples from one returned sample to the next.
+        chosen: Build of the kernel.
+    """
+    x = np.ascontiguousarray(x, dtype=np.float64)
+    chosen = chosen or in_use()
+    reach = settling_samples(filter, SETTLED)
+    if chosen == TWIN:
+        return reference_passes.filter_columns(filter, x, first, step, reach)
+    out = np.empty((len(x), len(range(first, x.shape[1], step))))
+    _native.filter_columns(chosen, x, trapezoidal_sections(filter), reach, first, step, out)
+    return out
+
+
 def trapezoidal_sections(filter: Array) -> Array:
     """Coefficients (k, 3) of state-variable filters with trapezoidal integrators, for low-pass sections (k, 6).
 

@@ -23,6 +23,11 @@ def zero_phase(
     return tuple(results)
 
 
+def filter_columns(filter: Array, x: Array, first: int, step: int, pad: int) -> Array:
+    """Filtered columns at every `step`-th sample from `first` on, (K, rows); ends are continued by `pad` samples."""
+    return zero_phase_filters.zero_phase(filter, x, axis=1, pad=pad, first=first, step=step)
+
+
 def speeds(q: Array, half: int, rate: float, begin: int, end: int) -> Array:
     """Absolute speeds, shape (n, end - begin), from the means of `half` samples before and after each sample."""
     centred = q - q.mean(axis=0)

@@ -159,6 +159,7 @@ def zero_phase(
     if x.ndim != 2:
         return _back(_reflected(filter, x, pad, (0,), first, step)[0], axis)
     out = np.empty((len(x), len(range(first, x.shape[1], step))))
+    pad = settling_samples(filter) if pad is None else pad
     few = max(1, BLOCK // max(1, x.shape[1]))
     for begin in range(0, len(x), few):
         out[begin : begin + few] = _reflected(filter, x[begin : begin + few], pad, (0,), first, step)[0]

@@ -54,23 +54,20 @@ def sign_deviations(dq: Array, taps: Array, step: int) -> Array:
     return found
 
 
-def add_filtered_steps(
-    values: Array, expression: Expression, environment: Mapping[str, Array], deviation: Array
-) -> None:
-    """Replaces the steps of a law at reversals by filtered steps.
+def filtered_steps(expression: Expression, environment: Mapping[str, Array], deviation: Array) -> Array:
+    """Filtered steps of a law at reversals, less the steps between samples, shape (..., N).
 
     A law that is continuous in the velocity has none.
 
     Args:
-        values: Values of the law at the samples, shape (..., N); changed in place.
         expression: Expression of the law, without a hysteresis state.
         environment: Values of the symbols of the law at the samples, shape (..., N) each; `dq` is one of them.
         deviation: Filtered sign of the velocity of the coordinate, less its sign, shape (..., N).
     """
-    found = np.nonzero(deviation)
-    if not found[0].size:
-        return
-    here = {name: each[found] for name, each in environment.items()}
-    at_rest = np.full(found[0].size, SLOW)
-    before, behind = (evaluate(expression, {**here, "dq": sign * at_rest}) for sign in (-1.0, 1.0))
-    values[found] += 0.5 * (behind - before) * deviation[found]
+    result, found = np.zeros_like(deviation), np.nonzero(deviation)
+    if found[0].size:
+        here = {name: each[found] for name, each in environment.items()}
+        at_rest = np.full(found[0].size, SLOW)
+        before, behind = (evaluate(expression, {**here, "dq": sign * at_rest}) for sign in (-1.0, 1.0))
+        result[found] = 0.5 * (behind - before) * deviation[found]
+    return result

@@ -15,7 +15,7 @@ from armid.checked_array import Array
 from armid.doctor.check_definition import LogCheck
 from armid.doctor.check_input import Explanation, LogEvidence
 from armid.doctor.fitted_log import LogState
-from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, solve
+from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, solve_coarsely
 from armid.doctor.remedy_trial import try_remedy
 from armid.doctor.residuals import swaying_base
 from armid.doctor.rows_away_from_reversals import is_significant, judged_away_from_reversals
@@ -285,11 +285,11 @@ class _GravityRows:
         cost = self.cost(g)
         for _ in range(STEPS):
             rows = self.rows(g)
-            values = solve(rows).values
+            values = solve_coarsely(rows)[0]
             side = np.linalg.svd(g[None])[2][1:]  # two directions at right angles
             per_axis = np.stack([self._slope(rows, values, k) for k in range(3)])
             tangent = np.einsum("ak,kmj->amj", side, per_axis)
-            step = solve(rows, extra=tangent).values[rows.count :] @ side
+            step = solve_coarsely(rows, tangent)[0][rows.count :] @ side
             step *= min(1.0, 0.5 * strength / max(float(np.linalg.norm(step)), 1e-12))
             moved = g + step
             moved *= strength / np.linalg.norm(moved)

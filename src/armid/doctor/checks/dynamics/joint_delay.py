@@ -23,7 +23,7 @@ from armid.doctor.remedy_trial import HELPS, try_remedy
 from armid.doctor.residuals import late_torque
 from armid.doctor.rows_away_from_reversals import judged_away_from_reversals
 from armid.errors import Finding
-from armid.information.filtering import in_band
+from armid.information.filtering import rows_in_band
 from armid.maths.birge_ratio import birge_ratio
 from armid.measurement.observations import ObservedRun
 from armid.measurement.recording import Recording
@@ -322,7 +322,7 @@ def _slopes(state: LogState) -> Array:
                 step[j] = sign * STEP
                 moved = (m.q + step * m.dq, m.dq + step * m.ddq, m.ddq + step * jerk)
                 change[:, j] += sign * kernel.inverse_dynamics(state.model.tree, bodies, *moved)
-        parts.append(in_band(change / (2.0 * STEP), run.rate, state.log.band)[run.rows])
+        parts.append(rows_in_band(run, change / (2.0 * STEP), state.log.band))
     return np.moveaxis(np.concatenate(parts), 1, 0).copy()
 
 

@@ -101,19 +101,24 @@ class _Residual:
         return np.asarray(1.0 / (1.0 + power), dtype=np.float64)
 
     def test(self, waves: Array) -> tuple[Array, Array]:
-        """Tests the residual for ripples with given numbers of waves, which must be equally spaced.
+        """Tests the residual for ripples with given ascending numbers of waves, which must be equally spaced.
+
+        The more waves, the less passes the filter, so the numbers behind the first one that is below `SHARE` are too.
 
         Returns:
             For each number of waves, the logarithm of the probability that noise alone gives so large an amplitude,
             shape (waves,), and the complex amplitude [N·m], shape (waves,).
         """
-        z = np.empty((len(waves), len(self.part)), dtype=np.complex128)
-        n = np.empty(z.shape)
+        z = np.zeros((len(waves), len(self.part)), dtype=np.complex128)
+        n = np.zeros(z.shape)
         turned = self.torque * np.exp(-1j * waves[0] * self.q)
         turn = np.exp(-1j * (waves[1] - waves[0]) * self.q) if len(waves) > 1 else turned
         for k, each in enumerate(waves.tolist()):
             gain = self.gain(each)
-            z[k], n[k] = np.add.reduceat(gain * turned, self.part), np.add.reduceat(gain * gain, self.part)
+            n[k] = np.add.reduceat(gain * gain, self.part)
+            if n[k].sum() < SHARE * len(self.q):
+                break
+            z[k] = np.add.reduceat(gain * turned, self.part)
             turned *= turn
         whole = np.maximum(n.sum(axis=1), np.finfo(float).tiny)
         a = z.sum(axis=1) / whole
