@@ -24,6 +24,7 @@ from zlib import crc32
 
 import numpy as np
 from kinds import KINDS, Command
+from warm_start import warm_start
 
 SECONDS = 30.0
 """CPU time after which a command counts as hung."""
@@ -60,6 +61,8 @@ class Outcome:
         command: Name of the command.
         outcome: `ok`, `refused`, or one of `FAILURES`.
         detail: Place and text of an unexpected error, or the signal that ended the process.
+        seconds: CPU time of the command [s].
+        memory: Resident memory of the command [bytes].
     """
 
     kind: str
@@ -67,6 +70,27 @@ class Outcome:
     command: str
     outcome: str
     detail: str = ""
+    seconds: float = 0.0
+    memory: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """End of a process.
+
+    Attributes:
+        status: Exit code, or the negative number of the signal that ended it.
+        out: Output.
+        err: Messages.
+        seconds: CPU time, of its own processes too [s].
+        memory: Resident memory [bytes].
+    """
+
+    status: int
+    out: str
+    err: str
+    seconds: float
+    memory: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +114,8 @@ def attempts(
         every: True if all commands that read the kind are run, false for one of them, chosen by the seed.
     """
     kind = KINDS[name]
+    chosen_of = {seed: kind.commands if every else kind.commands[seed % len(kind.commands) :][:1] for seed in seeds}
+    warm_start(clean, tuple(dict.fromkeys(command for chosen in chosen_of.values() for command in chosen)))
     gc.freeze()  # else the first collection in each process copies all memory
     for seed in seeds:
         with tempfile.TemporaryDirectory() as place:
@@ -99,11 +125,11 @@ def attempts(
                 warnings.simplefilter("ignore")
                 kind.damage(folder, np.random.default_rng([crc32(name.encode()), seed]))
             failed = False
-            chosen = kind.commands if every else kind.commands[seed % len(kind.commands) :][:1]
-            for command in chosen:
-                outcome, detail = _attempt(name, command, folder, clean)
+            for command in chosen_of[seed]:
+                ended = _in_child(_with_options(command, folder), folder)
+                outcome, detail = _judged(name, command, ended, clean)
                 failed |= outcome in FAILURES
-                yield Outcome(name, seed, command[0], outcome, detail)
+                yield Outcome(name, seed, command[0], outcome, detail, ended.seconds, ended.memory)
             if failed and keep is not None:
                 _keep(clean, folder, keep / f"{name}-{seed}")
 
@@ -128,30 +154,33 @@ def _answer(name: str, clean: Path) -> Answer:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "in"
         shutil.copytree(clean, folder)
-        status, out, err, _ = _in_child(command, folder)
-        if status != 0:
-            raise RuntimeError(f"{command} fails on the clean input: {err}")
-        return Answer(_values(out), frozenset(_codes(err)))
+        ended = _in_child(command, folder)
+        if ended.status != 0:
+            raise RuntimeError(f"{command} fails on the clean input: {ended.err}")
+        return Answer(_values(ended.out), frozenset(_codes(ended.err)))
 
 
-def _attempt(name: str, command: Command, folder: Path, clean: Path) -> tuple[str, str]:
-    """Outcome and detail of a command in a folder."""
+def _with_options(command: Command, folder: Path) -> Command:
+    """Command with the options that a damage wrote."""
     options = folder / "options.json"
-    if options.is_file():
-        command = (*command, *json.loads(options.read_text()))
-    status, out, err, memory = _in_child(command, folder)
+    return (*command, *json.loads(options.read_text())) if options.is_file() else command
+
+
+def _judged(name: str, command: Command, ended: Ended, clean: Path) -> tuple[str, str]:
+    """Outcome and detail of a command that has ended."""
+    status, said = ended.status, ended.err.strip()
     if status in (-signal.SIGXCPU, -signal.SIGALRM):
         return "hang", " ".join(command)
     if status < 0:
         return "crash", f"{signal.Signals(-status).name} {' '.join(command)}"
-    if memory > MEMORY:
-        return "memory", f"{memory / 1e9:.1f} GB"
+    if ended.memory > MEMORY:
+        return "memory", f"{ended.memory / 1e9:.1f} GB"
     if status == UNEXPECTED:
-        return "traceback", err.strip().splitlines()[-1] if err.strip() else "?"
+        return "traceback", said.splitlines()[-1] if said else "?"
     if status not in (0, 1):
-        return ("refused", "") if err.strip() or out.strip() else ("silent", f"exit code {status}")
+        return ("refused", "") if said or ended.out.strip() else ("silent", f"exit code {status}")
     if status == 0 and "--json" in command:
-        return _compared(out, err, _answer(name, clean))
+        return _compared(ended.out, ended.err, _answer(name, clean))
     return "ok", ""
 
 
@@ -177,8 +206,8 @@ def _values(out: str) -> dict[str, float]:
     return {each["name"]: each["value"] for each in json.loads(out)["base_parameters"]}
 
 
-def _in_child(command: Command, folder: Path) -> tuple[int, str, str, float]:
-    """Exit code (negative for a signal), output, messages and resident memory [bytes] of a command."""
+def _in_child(command: Command, folder: Path) -> Ended:
+    """Runs a command in a process of its own."""
     out, err = folder.parent / "out", folder.parent / "err"
     sys.stdout.flush()
     sys.stderr.flush()
@@ -194,7 +223,8 @@ def _in_child(command: Command, folder: Path) -> tuple[int, str, str, float]:
             os.kill(child, signal.SIGALRM)
         time.sleep(0.005)
     status = os.waitstatus_to_exitcode(state)
-    return status, out.read_text(errors="replace"), err.read_text(errors="replace"), 1024.0 * used.ru_maxrss
+    said = (path.read_text(errors="replace") for path in (out, err))
+    return Ended(status, *said, used.ru_utime + used.ru_stime, 1024.0 * used.ru_maxrss)
 
 
 def _be_child(command: Command, folder: Path, out: Path, err: Path) -> None:
