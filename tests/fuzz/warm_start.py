@@ -1,6 +1,6 @@
 """Commands on clean inputs in this process, so that those on damaged inputs need not import and compile again.
 
-An attempt is a copy of this process. What it would do again in each copy, independently of its input, is done once here:
+An attempt is a copy of this process. What each copy would do again, whatever its input is, is done once here:
 late imports, the templates of pages and the tree of the command line. Nothing of an input is kept between commands.
 """
 
