@@ -48,6 +48,24 @@ part = [0.0, 0.9]
 joint_offset = [0.0, 0.0, 0.0]
 """
 
+LATER = """
+[robot]
+description = "small.urdf"
+[model]
+terms = ["rigid-body", "viscous", "coulomb", "offset"]
+coulomb = { width = 0.02 }
+[processing]
+cutoff = 5.0
+edges = "drop"
+[[unit]]
+name = "unit-01"
+recordings = ["unit-02-held.npz"]
+[[unit]]
+name = "unit-02"
+recordings = ["unit-02.npz"]
+"""
+"""The smallest fleet that can be compared with the stored one."""
+
 UNITS = 4
 """Units of the fleet, the fewest among which odd ones are found."""
 
@@ -65,4 +83,5 @@ def write_fleet_inputs(folder: Path, run: Callable[..., None]) -> None:
     place.mkdir()
     write_fleet(made_fleet(UNITS, 3, repetitions=1), place)
     (place / "FLEET.toml").write_text(FLEET)
+    (place / "LATER.toml").write_text(LATER)
     run(folder, "fleet", f"{FOLDER}/FLEET.toml", "--no-report", "--out", f"{FOLDER}/stored")

@@ -272,7 +272,7 @@ OF_RUNS: tuple[Command, ...] = (
 """Commands that read a run."""
 
 WITH_FLEET = ("identify", "fleet/small.urdf", "fleet/unit-01.npz", "--fleet", "fleet/stored", "--out", "new-unit")
-SINCE_FLEET = ("fleet", "fleet/FLEET.toml", "--since", "fleet/stored", "--no-report", "--out", "new-fleet")
+SINCE_FLEET = ("fleet", "fleet/LATER.toml", "--since", "fleet/stored", "--no-report", "--out", "new-fleet")
 
 KINDS: dict[str, Kind] = {
     "csv": recording("log.csv", of_text("log.csv")),
