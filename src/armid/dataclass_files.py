@@ -59,12 +59,13 @@ def load(kind: type[T], path: Path | str) -> T:
             f"{path} contains a value of type {found}, but a {kind.__name__} is needed.",
             remedy=f"give a file that contains a {kind.__name__}.",
         )
-    with boundary(
-        f"a {kind.__name__} of this version of armid",
-        path,
-        remedy="make the file again; it is damaged, or another version of armid wrote it.",
-    ):
-        return _unpack(kind, value, arrays)
+    what = f"a {kind.__name__} of this version of armid"
+    remedy = "make the file again; it is damaged, or another version of armid wrote it."
+    with boundary(what, path, remedy=remedy):
+        try:
+            return _unpack(kind, value, arrays)
+        except ArmidError as fault:  # a value refuses what it is made of, but does not know the file
+            raise ArmidError(f"{path} cannot be read as {what}: {fault.problem}", remedy=remedy) from fault
 
 
 def refuse_large_archive(archive: np.lib.npyio.NpzFile, path: Path | str, error: MadeError = ArmidError) -> None:
