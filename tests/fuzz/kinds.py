@@ -249,7 +249,10 @@ def description(name: str, mutator: Callable[[str, Generator], bytes]) -> Kind:
 def servo(name: str, damage: Damage, *reading: str) -> Kind:
     """Kind of a recording with commands and without torque."""
     reading = ("--columns", "effort=", *reading)
-    commands = (("servo", "servo.xml", name, *reading, "--out", "new"), ("doctor", "servo.xml", name, *reading))
+    commands = (
+        ("servo", "servo.xml", name, *reading, "--json", "--out", "new"),
+        ("doctor", "servo.xml", name, *reading),
+    )
     return Kind(commands, damage)
 
 

@@ -6,7 +6,8 @@ The records are made from a result in memory or read from the folder of a run, w
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -91,7 +92,7 @@ def study_of_run(run: Run) -> Study:
     """
     path = Path(run.folder) / "study.json"
     record = read_json(path, "the study of a run", remedy="identify again.")
-    with boundary("the study of a run", path, remedy="identify again."):
+    with boundary("the study of a run", path, remedy="identify again."), _as_value_error():
         return Study(
             parse_robot(record["robot"]),
             resolve_model(run.model),
@@ -128,20 +129,34 @@ def _read(run: Run, name: str) -> dict[str, Any]:
 
 
 def study_of_record(record: Mapping[str, Any]) -> Study:
-    """Study from the record `study.json` of a run."""
-    recordings = tuple(
-        RecordingChoice(each["path"], each["role"], LogFormat(**each["reading"]), tuple(each["part"]))
-        for each in record["recordings"]
-    )
-    return Study(
-        parse_robot(record["robot"]),
-        ModelChoice(**record["model"]),
-        recordings,
-        ProcessingOptions(**record["processing"]),
-        EstimationChoice(**record["estimation"]),
-        str(record["folder"]),
-        ServoChoice(**record.get("servo", {})),
-    )
+    """Study from the record `study.json` of a run.
+
+    Raises:
+        ValueError: The study contradicts itself.
+    """
+    with _as_value_error():
+        recordings = tuple(
+            RecordingChoice(each["path"], each["role"], LogFormat(**each["reading"]), tuple(each["part"]))
+            for each in record["recordings"]
+        )
+        return Study(
+            parse_robot(record["robot"]),
+            ModelChoice(**record["model"]),
+            recordings,
+            ProcessingOptions(**record["processing"]),
+            EstimationChoice(**record["estimation"]),
+            str(record["folder"]),
+            ServoChoice(**record.get("servo", {})),
+        )
+
+
+@contextmanager
+def _as_value_error() -> Generator[None]:
+    """Context in which an error about a value becomes a ValueError, to which the boundary adds the file."""
+    try:
+        yield
+    except ArmidError as fault:
+        raise ValueError(fault.problem) from fault
 
 
 def _validation(record: Mapping[str, Any]) -> Validation:

@@ -84,6 +84,7 @@ class ModelChoice:
 
     def __post_init__(self) -> None:
         _require(_are_texts(self.terms), "terms", "a list of names", self.terms)
+        _require(isinstance(self.shapes, Mapping), "shapes", "a table", self.shapes)
         object.__setattr__(self, "terms", tuple(self.terms))
 
 
@@ -140,6 +141,8 @@ class EstimationChoice:
         if self.method not in ESTIMATORS and self.method != AUTOMATIC_METHOD:
             names, nearest = ", ".join(ESTIMATORS), did_you_mean(self.method, ESTIMATORS)
             raise StudyError(f"Unknown estimation method {self.method!r}.", possible=names, remedy=nearest)
+        good = isinstance(self.options, Mapping) and all(isinstance(each, Mapping) for each in self.options.values())
+        _require(good, "options", "a table of tables", self.options)
         for key in PER_RECORDING:
             _require(getattr(self, key) in (True, False), key, "true or false", getattr(self, key))
 
