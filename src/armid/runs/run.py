@@ -192,13 +192,7 @@ def load_run(folder: Path | str) -> Run:
     robot, estimate = load(Robot, folder / "robot.npz"), load(Estimate, folder / "estimate.npz")
     with boundary(RUN, folder, remedy="identify again."):
         model = _model(robot, kept)
-        if len(estimate.base.standard_names) != len(model.parameters):
-            raise ArmidError(
-                f"{folder / 'estimate.npz'} is not the estimate of this run: its model has "
-                f"{len(estimate.base.standard_names)} standard parameters, and that of model.json "
-                f"{len(model.parameters)}.",
-                remedy="restore the folder from a copy, or identify again.",
-            )
+        _require_estimate_of(estimate, model, folder)
         return Run(
             str(folder),
             robot,
@@ -209,6 +203,26 @@ def load_run(folder: Path | str) -> Run:
             tuple(_digest(each) for each in kept["trained_on"]),
             _verdict(folder),
             origin_of(kept),
+        )
+
+
+def _require_estimate_of(estimate: Estimate, model: DynamicsModel, folder: Path) -> None:
+    """Raises an error if an estimate is not one of the parameters of a model."""
+    base, fit = estimate.base, estimate.fit
+    problem = ""
+    if len(base.standard_names) != len(model.parameters):
+        problem = (
+            f"its model has {len(base.standard_names)} standard parameters, and that of model.json "
+            f"{len(model.parameters)}"
+        )
+    elif not {name.of_all for name in fit.names} >= set(base.names):
+        problem = "it has values of other parameters than its base parameters"
+    elif fit.standard is not None and not {each.of_all for each in fit.standard.names} >= set(base.standard_names):
+        problem = "it has values of other standard parameters than its model"
+    if problem:
+        raise ArmidError(
+            f"{folder / 'estimate.npz'} is not the estimate of this run: {problem}.",
+            remedy="restore the folder from a copy, or identify again.",
         )
 
 
