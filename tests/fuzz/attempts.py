@@ -184,7 +184,7 @@ def _judged(name: str, command: Command, ended: Ended, clean: Path) -> tuple[str
     if ended.memory > MEMORY:
         return "memory", f"{ended.memory / 1e9:.1f} GB"
     if status == UNEXPECTED:
-        return "traceback", said.splitlines()[-1] if said else "?"
+        return "traceback", said.splitlines()[-1].partition("; the trace is in")[0] if said else "?"
     if status not in (0, 1):
         return ("refused", "") if said or ended.out.strip() else ("silent", f"exit code {status}")
     if status == 0 and "--json" in command:

@@ -80,8 +80,19 @@ def read_records(run: Run) -> RunRecords:
 
 
 def trained_and_validated(run: Run, study: Study) -> list[tuple[RecordingChoice, str]]:
-    """Recordings for training and validation in the study of a run, each with its digest (sha256)."""
-    return list(zip(study.recordings, run.estimate.recording_digests, strict=True))
+    """Recordings for training and validation in the study of a run, each with its digest (sha256).
+
+    Raises:
+        ArmidError: The estimate was made from another number of recordings.
+    """
+    digests = run.estimate.recording_digests
+    if len(digests) != len(study.recordings):
+        raise ArmidError(
+            f"{run.folder}: study.json has {len(study.recordings)} recordings, and estimate.npz the digests of "
+            f"{len(digests)}.",
+            remedy="restore the folder from a copy, or identify again.",
+        )
+    return list(zip(study.recordings, digests, strict=True))
 
 
 def study_of_run(run: Run) -> Study:
