@@ -103,6 +103,7 @@ def write_clean_inputs(folder: Path) -> None:
     _run(folder, "identify", "small.urdf", "log.csv", "--validate", "other.csv", "--out", "run")
     _run(folder, "payload", "run", "other.csv", "--out", "payload")
     _write_payload(folder / "payload" / "payload.json")
+    _run(folder, "servo", "servo.xml", "servo.csv", "--columns", "effort=", "--no-report", "--out", "servo-run")
     write_fleet_inputs(folder, _run)
     (folder / "report.html").unlink(missing_ok=True)
 

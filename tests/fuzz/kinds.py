@@ -332,6 +332,14 @@ KINDS: dict[str, Kind] = {
     "sage": servo("sage", of_folder("sage")),
     "bag-folder": servo("bag", of_folder("bag")),
     "servo-study": Kind((("servo", "servo.toml", "--out", "new"),), of_record("servo.toml", damage_toml)),
+    "servo-stored": Kind(
+        (
+            ("report", "servo-run"),
+            ("validate", "servo-run", "servo-other.csv", "--columns", "effort="),
+            ("preview", "servo-run", "servo.csv", "--out", "page.html"),
+        ),
+        of_stored("servo-run", "servo.json", "robot.npz"),
+    ),
     "servo-mjcf": Kind(
         (
             ("servo", "servo.xml", "servo.csv", "--out", "new"),
