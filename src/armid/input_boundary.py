@@ -202,6 +202,22 @@ def boundary(
         ) from fault
 
 
+@contextmanager
+def naming(path: Path | str) -> Generator[None]:
+    """Context in which an error of armid begins with the path of a file if it does not name the file.
+
+    Args:
+        path: The file whose values are checked.
+    """
+    try:
+        yield
+    except ArmidError as fault:
+        if Path(path).name in fault.problem:
+            raise
+        kind: MadeError = type(fault)
+        raise kind(f"{path}: {fault.problem}", possible=fault.possible, remedy=fault.remedy) from fault
+
+
 def read_text(path: Path | str, what: str, error: MadeError = ArmidError, *, remedy: str = "") -> str:
     """Text of a file in UTF-8.
 

@@ -19,7 +19,7 @@ from armid.errors import ArmidError
 from armid.estimation.estimate_record import Estimate
 from armid.estimation.link_properties import LinkTable, link_record, link_table
 from armid.hashes import sha256_of_file
-from armid.input_boundary import boundary, read_json
+from armid.input_boundary import boundary, naming, read_json
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.dynamics_model import DynamicsModel
@@ -190,7 +190,7 @@ def load_run(folder: Path | str) -> Run:
     kept = _model_record(folder)
     _check_archives(folder, kept)
     robot, estimate = load(Robot, folder / "robot.npz"), load(Estimate, folder / "estimate.npz")
-    with boundary(RUN, folder, remedy="identify again."):
+    with boundary(RUN, folder, remedy="identify again."), naming(folder):
         model = _model(robot, kept)
         _require_estimate_of(estimate, model, folder)
         return Run(

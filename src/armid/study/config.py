@@ -16,7 +16,7 @@ from typing import Any, Literal, TypeVar
 
 from armid.errors import ArmidError, StudyError, did_you_mean
 from armid.estimation.catalogue import ESTIMATORS, Estimator
-from armid.input_boundary import boundary, read_toml
+from armid.input_boundary import boundary, naming, read_toml
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.dynamics_model import DynamicsModel
@@ -195,7 +195,7 @@ def load_study(path: Path | str) -> Study:
     """
     path = Path(path)
     table = read_toml(path, "a study", StudyError, remedy="give the path of a study.toml.")
-    with boundary("a study", path, StudyError, remedy="correct the keys that docs/study.md explains."):
+    with naming(path), boundary("a study", path, StudyError, remedy="correct the keys that docs/study.md explains."):
         return parse_study(table, str(path.parent))
 
 
