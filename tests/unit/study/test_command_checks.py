@@ -1,4 +1,4 @@
-"""What is examined before servos are identified: commands, and gaps of the clock."""
+"""Findings about commands and gaps of the clock before servos are identified."""
 
 from __future__ import annotations
 

@@ -45,7 +45,10 @@ class OwnUnknowns:
         object.__setattr__(self, "names", tuple(self.names))
         object.__setattr__(self, "deviation", array(self.deviation, (len(self.names),), "deviation"))
         if np.shape(self.joint) != (len(self.names),):
-            raise ArmidError(f"{len(self.names)} unknowns have {np.size(self.joint)} joints; each has one.")
+            raise ArmidError(
+                f"{len(self.names)} unknowns have {np.size(self.joint)} joints.",
+                remedy="give the joint of each unknown.",
+            )
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -81,12 +84,18 @@ class FleetEstimate:
         object.__setattr__(self, "units", tuple(self.units))
         b, n, m = len(self.prior.names), len(self.prior.noise), len(self.own.names)
         if m != len(self.prior.own) + n:
-            raise ArmidError(f"A fleet has {m} own unknowns; {len(self.prior.own)} parameters and {n} joints differ.")
+            raise ArmidError(
+                f"A fleet has {m} own unknowns, but {len(self.prior.own)} own parameters and {n} joints.",
+                remedy="give one unknown for each own parameter and one torque scale for each joint.",
+            )
         for name, length in (("values", b), ("deviation", b), ("scale", n), ("scale_deviation", n), ("score", m)):
             given = np.asarray(getattr(self, name), dtype=np.float64)
             object.__setattr__(self, name, array(given, (len(self.units), length), name, finite=name != "score"))
         if min(float(each.min(initial=0.0)) for each in (self.deviation, self.scale_deviation)) < 0.0:
-            raise ArmidError("Standard deviations of the units of a fleet must not be negative.")
+            raise ArmidError(
+                "Standard deviations of the units of a fleet must not be negative.",
+                remedy="identify the fleet again.",
+            )
         object.__setattr__(self, "odd", tuple(self.odd))
         object.__setattr__(self, "odd_bodies", tuple(self.odd_bodies))
 

@@ -61,7 +61,11 @@ class FleetPrior:
         """Raises an error if no fleet can have these values."""
         strangers = [name for name in self.own if name not in self.names]
         if strangers:
-            raise ArmidError(f"A fleet has no parameters {', '.join(strangers)}, so units cannot differ in them.")
+            raise ArmidError(
+                f"A fleet has no parameters {', '.join(strangers)}, so units cannot differ in them.",
+                possible=", ".join(self.names),
+                remedy="name base parameters of the fleet.",
+            )
         for name, least in (("scale_deviation", 0.0), ("noise", 0.0), ("correlation", 1.0)):
             if (getattr(self, name) < least).any():
                 found = float(getattr(self, name).min())

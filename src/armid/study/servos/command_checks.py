@@ -11,9 +11,8 @@ from armid.robot import Robot
 from armid.study.config import RecordingChoice
 from armid.study.diagnosis import merged
 
-GAPS = "clock", "clock-gap"
-"""Check of the clock, and code of its findings about gaps. Uneven steps are not reported: commands and positions are
-used with their own times."""
+GAP = "clock-gap"
+"""Code of findings about gaps. Uneven steps are not reported, as commands and positions keep their own times."""
 
 
 def command_findings(robot: Robot, recordings: Sequence[tuple[RecordingChoice, Recording]]) -> list[Finding]:
@@ -23,11 +22,12 @@ def command_findings(robot: Robot, recordings: Sequence[tuple[RecordingChoice, R
         robot: The arm.
         recordings: Recordings in the robot's convention, with their options in the study.
     """
-    checks = [name for name, check in CHECKS.items() if check.needs_command or name == GAPS[0]]
+    checks = {name: check for name, check in CHECKS.items() if check.needs_command or GAP in check.effects}
+    codes = {GAP, *(code for check in checks.values() if check.needs_command for code in check.effects)}
     found = [
         (k, finding)
         for k, (choice, recording) in enumerate(recordings)
         for finding in examine(LogEvidence(robot, recording, choice.reading, recording), checks)
-        if finding.code == GAPS[1] or finding.code not in CHECKS[GAPS[0]].effects
+        if finding.code in codes
     ]
     return merged([choice for choice, _ in recordings], found)
