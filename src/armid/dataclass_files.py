@@ -118,7 +118,7 @@ def _unpack(kind: Any, value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
     """
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if isinstance(value, dict) and set(typing.cast("dict[str, Any]", value)) == {"array"}:
-        return arrays[value["array"]]
+        return _numbers(arrays[value["array"]])
     if origin in (typing.Union, types.UnionType):
         return _alternative(arguments, value, arrays)
     if isinstance(kind, type) and issubclass(kind, TextValue):
@@ -135,6 +135,17 @@ def _unpack(kind: Any, value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
     if origin is Sequence and not isinstance(value, list):
         raise TypeError(f"{str(value)[:40]!r} stands in place of a list")
     return _plain(kind, origin, value)
+
+
+def _numbers(array: NDArray[Any]) -> NDArray[Any]:
+    """An array, after a check that it contains numbers, truth values or texts, the only contents that are saved.
+
+    Raises:
+        TypeError: The array contains something else, such as dates or records.
+    """
+    if array.dtype.kind not in "biufU":
+        raise TypeError(f"an array of the type {array.dtype} stands in place of numbers")
+    return array
 
 
 def _alternative(kinds: tuple[Any, ...], value: Any, arrays: dict[str, NDArray[Any]]) -> Any:

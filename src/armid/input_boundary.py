@@ -248,7 +248,7 @@ def read_json(path: Path | str, what: str, error: MadeError = ArmidError, *, rem
     return record
 
 
-def _levels(record: object) -> int:
+def _levels(record: Any) -> int:
     """Number of levels of nested lists and tables of a record."""
     levels, inside = 0, [record]
     while inside:

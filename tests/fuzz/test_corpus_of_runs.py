@@ -79,6 +79,7 @@ FAULTS: dict[str, tuple[str, Change]] = {
     "no number for a speed": ("robot.npz", set_to(float("nan"), "joints", 0, "velocity_limit")),
     "an unknown standard parameter": ("estimate.npz", set_to("nan", "base", "standard_names", 0)),
     "an unknown parameter": ("estimate.npz", set_to("nan", "fit", "names", 0)),
+    "speeds of one joint": ("estimate.npz", set_to({"array": "array_0"}, "speeds")),
     "no digests of recordings": ("estimate.npz", set_to([], "made_from")),
     "an unknown column": ("estimate.npz", set_to([99] * 3, "base", "kept")),
 }

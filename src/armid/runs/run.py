@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from armid.atomic_file import replace_file
 from armid.dataclass_files import load, save
 from armid.errors import ArmidError
@@ -219,6 +221,8 @@ def _require_estimate_of(estimate: Estimate, model: DynamicsModel, folder: Path)
         problem = "it has values of other parameters than its base parameters"
     elif fit.standard is not None and not {each.of_all for each in fit.standard.names} >= set(base.standard_names):
         problem = "it has values of other standard parameters than its model"
+    elif estimate.speeds is not None and np.shape(estimate.speeds) != (model.n,):
+        problem = f"it has speeds of the shape {np.shape(estimate.speeds)} for {model.n} joints"
     if problem:
         raise ArmidError(
             f"{folder / 'estimate.npz'} is not the estimate of this run: {problem}.",

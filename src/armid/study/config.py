@@ -84,7 +84,7 @@ class ModelChoice:
 
     def __post_init__(self) -> None:
         _require(_are_texts(self.terms), "terms", "a list of names", self.terms)
-        _require(isinstance(self.shapes, Mapping), "shapes", "a table", self.shapes)
+        _require(hasattr(self.shapes, "items"), "shapes", "a table", self.shapes)
         object.__setattr__(self, "terms", tuple(self.terms))
 
 
@@ -141,7 +141,7 @@ class EstimationChoice:
         if self.method not in ESTIMATORS and self.method != AUTOMATIC_METHOD:
             names, nearest = ", ".join(ESTIMATORS), did_you_mean(self.method, ESTIMATORS)
             raise StudyError(f"Unknown estimation method {self.method!r}.", possible=names, remedy=nearest)
-        good = isinstance(self.options, Mapping) and all(isinstance(each, Mapping) for each in self.options.values())
+        good = hasattr(self.options, "items") and all(hasattr(each, "items") for each in self.options.values())
         _require(good, "options", "a table of tables", self.options)
         for key in PER_RECORDING:
             _require(getattr(self, key) in (True, False), key, "true or false", getattr(self, key))

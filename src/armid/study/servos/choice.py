@@ -102,9 +102,9 @@ def servo_options(choice: ServoChoice, robot: Robot) -> ServoOptions:
 
     return ServoOptions(
         each("stiffness"),
-        choice.stiffness_deviation,
+        float(choice.stiffness_deviation),
         each("damping"),
         each("limit"),
-        choice.delay,
-        choice.link_deviation,
+        float(choice.delay),
+        float(choice.link_deviation),
     )
