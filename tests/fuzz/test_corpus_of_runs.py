@@ -81,6 +81,7 @@ FAULTS: dict[str, tuple[str, Change]] = {
     "an unknown parameter": ("estimate.npz", set_to("nan", "fit", "names", 0)),
     "speeds of one joint": ("estimate.npz", set_to({"array": "array_0"}, "speeds")),
     "no digests of recordings": ("estimate.npz", set_to([], "made_from")),
+    "a unit for too few parameters": ("estimate.npz", set_to(["kg"], "base", "standard_units")),
     "an unknown column": ("estimate.npz", set_to([99] * 3, "base", "kept")),
 }
 """File of the run and change of its record, by what is wrong with it. Digests fit the changed archives."""
