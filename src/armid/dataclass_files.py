@@ -59,12 +59,13 @@ def load(kind: type[T], path: Path | str) -> T:
             f"{path} contains a value of type {found}, but a {kind.__name__} is needed.",
             remedy=f"give a file that contains a {kind.__name__}.",
         )
-    with boundary(
-        f"a {kind.__name__} of this version of armid",
-        path,
-        remedy="make the file again; it is damaged, or another version of armid wrote it.",
-    ):
-        return _unpack(kind, value, arrays)
+    what = f"a {kind.__name__} of this version of armid"
+    remedy = "make the file again; it is damaged, or another version of armid wrote it."
+    with boundary(what, path, remedy=remedy):
+        try:
+            return _unpack(kind, value, arrays)
+        except ArmidError as fault:  # a value refuses what it is made of, but does not know the file
+            raise ArmidError(f"{path} cannot be read as {what}: {fault.problem}", remedy=remedy) from fault
 
 
 def refuse_large_archive(archive: np.lib.npyio.NpzFile, path: Path | str, error: MadeError = ArmidError) -> None:
@@ -117,7 +118,7 @@ def _unpack(kind: Any, value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
     """
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if isinstance(value, dict) and set(typing.cast("dict[str, Any]", value)) == {"array"}:
-        return arrays[value["array"]]
+        return _numbers(arrays[value["array"]])
     if origin in (typing.Union, types.UnionType):
         return _alternative(arguments, value, arrays)
     if isinstance(kind, type) and issubclass(kind, TextValue):
@@ -134,6 +135,17 @@ def _unpack(kind: Any, value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
     if origin is Sequence and not isinstance(value, list):
         raise TypeError(f"{str(value)[:40]!r} stands in place of a list")
     return _plain(kind, origin, value)
+
+
+def _numbers(array: NDArray[Any]) -> NDArray[Any]:
+    """An array, after a check that it contains numbers, truth values or texts, the only contents that are saved.
+
+    Raises:
+        TypeError: The array contains something else, such as dates or records.
+    """
+    if array.dtype.kind not in "biufU":
+        raise TypeError(f"an array of the type {array.dtype} stands in place of numbers")
+    return array
 
 
 def _alternative(kinds: tuple[Any, ...], value: Any, arrays: dict[str, NDArray[Any]]) -> Any:

@@ -202,6 +202,22 @@ def boundary(
         ) from fault
 
 
+@contextmanager
+def naming(path: Path | str) -> Generator[None]:
+    """Context in which an error of armid begins with the path of a file if it does not name the file.
+
+    Args:
+        path: The file whose values are checked.
+    """
+    try:
+        yield
+    except ArmidError as fault:
+        if Path(path).name in fault.problem:
+            raise
+        kind: MadeError = type(fault)
+        raise kind(f"{path}: {fault.problem}", possible=fault.possible, remedy=fault.remedy) from fault
+
+
 def read_text(path: Path | str, what: str, error: MadeError = ArmidError, *, remedy: str = "") -> str:
     """Text of a file in UTF-8.
 
@@ -228,7 +244,18 @@ def read_json(path: Path | str, what: str, error: MadeError = ArmidError, *, rem
         record: Any = json.loads(text)
         if not isinstance(record, dict):
             raise TypeError(f"it contains a {type(record).__name__}, not an object")
-        return record
+    within("nesting", _levels(record), str(path), error)
+    return record
+
+
+def _levels(record: Any) -> int:
+    """Number of levels of nested lists and tables of a record."""
+    levels, inside = 0, [record]
+    while inside:
+        levels += 1
+        values = (each.values() if isinstance(each, dict) else each for each in inside)
+        inside = [value for each in values for value in each if isinstance(value, dict | list)]
+    return levels
 
 
 def read_toml(path: Path | str, what: str, error: MadeError = ArmidError, *, remedy: str = "") -> dict[str, Any]:
@@ -245,8 +272,10 @@ def parse_toml(text: str, source: Path | str, error: MadeError = ArmidError) -> 
         error: Class of the error.
     """
     try:
-        return tomllib.loads(text)
+        tables = tomllib.loads(text)
     except Exception as fault:
         raise error(
             f"{source} is not valid TOML: {reason(fault)}.", remedy="correct the line that the message names."
         ) from fault
+    within("nesting", _levels(tables), str(source), error)
+    return tables

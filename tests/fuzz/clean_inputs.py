@@ -10,6 +10,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+from fleet_inputs import write_fleet_inputs
 from servo_inputs import write_servo_inputs
 
 ROOT = Path(__file__).parents[1]
@@ -73,7 +74,7 @@ xyz = [2.0, 0.0, 0.0]
 
 
 def write_clean_inputs(folder: Path) -> None:
-    """Writes a clean input of every kind, a run and a plan among them; takes about five seconds."""
+    """Writes a clean input of every kind, a run and a plan among them; takes about eight seconds."""
     from armid.dataclass_files import save
     from armid.study.storage.records import to_json
     from labs import small_plan, small_recording, write_arm, write_recording
@@ -102,6 +103,8 @@ def write_clean_inputs(folder: Path) -> None:
     _run(folder, "identify", "small.urdf", "log.csv", "--validate", "other.csv", "--out", "run")
     _run(folder, "payload", "run", "other.csv", "--out", "payload")
     _write_payload(folder / "payload" / "payload.json")
+    _run(folder, "servo", "servo.xml", "servo.csv", "--columns", "effort=", "--no-report", "--out", "servo-run")
+    write_fleet_inputs(folder, _run)
     (folder / "report.html").unlink(missing_ok=True)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import gzip
 import json
 import shutil
-import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from folder_mutators import arrays_of_hdf5, declare, lists_of_parquet, of_file, 
 from numpy.random import Generator
 from numpy.typing import NDArray
 from option_mutators import damage_options
+from stored_mutators import archive_values, npz_declared, of_stored, with_new_digests
 from tree_mutators import damage_json, damage_toml, damage_xml
 
 Damage = Callable[[Path, Generator], None]
@@ -177,48 +177,11 @@ def _write_messages(write_bag: Any, folder: Path, suffix: str, messages: list[di
         recordings.STAMPS = stamps
 
 
-def npz_declared(name: str) -> Damage:
-    """Damage to the headers of the arrays in an archive, which declare shape and type."""
+def in_archive(name: str, mutator: Callable[[Path, Generator], None]) -> Damage:
+    """Damage to an archive of arrays."""
 
     def damage(folder: Path, rng: Generator) -> None:
-        path = folder / name
-        with zipfile.ZipFile(path) as archive:
-            members = {each: archive.read(each) for each in archive.namelist()}
-        member = list(members)[int(rng.integers(len(members)))]
-        text = members[member]
-        shapes = (b"(800000000000,)", b"(-1,)", b"(10,)", b"()", b"(0,)", b"(2, 400)", b"(1e3,)", b"'x'", b"(" * 300)
-        types = (b"'|O'", b"'<f4'", b"'<U9'", b"'V'", b"'<c16'", b"None", b"[('a','<f8')]", b"'<i8'", b"'M8[s]'")
-        choice = shapes[int(rng.integers(len(shapes)))] if rng.integers(2) else types[int(rng.integers(len(types)))]
-        old = text[text.find(b"(") : text.find(b")") + 1] if choice in shapes else b"'<f8'"
-        members[member] = text.replace(old, choice.ljust(len(old)), 1)
-        path.unlink()
-        with zipfile.ZipFile(path, "w", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED][int(rng.integers(2))]) as archive:
-            for each, data in members.items():
-                archive.writestr(each, data)
-
-    return damage
-
-
-def archive_values(name: str) -> Damage:
-    """Damage to the JSON header or to an array of a value that armid saved."""
-
-    def damage(folder: Path, rng: Generator) -> None:
-        path = folder / name
-        with np.load(path) as archive:
-            arrays = {each: archive[each] for each in archive.files}
-        if rng.integers(3):
-            text = damage_json(bytes(arrays["value.json"]).decode(), rng)
-            arrays["value.json"] = np.frombuffer(text or b" ", dtype=np.uint8)
-        else:
-            others = {
-                each: values
-                for each, values in arrays.items()
-                if each != "value.json" and values.ndim and values.size
-            }
-            damaged = damage_arrays(others, rng) if others else {}
-            arrays = {"value.json": arrays["value.json"], **damaged}
-        path.unlink()
-        np.savez(path, **arrays)  # pyright: ignore[reportArgumentType]
+        mutator(folder / name, rng)
 
     return damage
 
@@ -252,7 +215,8 @@ def run_folder(folder: Path, rng: Generator) -> None:
     elif name.endswith(".json"):
         of_record(f"run/{name}", damage_json)(folder, rng)
     elif name.endswith(".npz"):
-        any_of(archive_values(f"run/{name}"), archive_values(f"run/{name}"), npz_declared(f"run/{name}"))(folder, rng)
+        values = in_archive(f"run/{name}", archive_values)
+        any_of(values, values, in_archive(f"run/{name}", npz_declared))(folder, rng)
     else:
         of_bytes(f"run/{name}")(folder, rng)
 
@@ -285,7 +249,10 @@ def description(name: str, mutator: Callable[[str, Generator], bytes]) -> Kind:
 def servo(name: str, damage: Damage, *reading: str) -> Kind:
     """Kind of a recording with commands and without torque."""
     reading = ("--columns", "effort=", *reading)
-    commands = (("servo", "servo.xml", name, *reading, "--out", "new"), ("doctor", "servo.xml", name, *reading))
+    commands = (
+        ("servo", "servo.xml", name, *reading, "--json", "--out", "new"),
+        ("doctor", "servo.xml", name, *reading),
+    )
     return Kind(commands, damage)
 
 
@@ -293,13 +260,32 @@ FEW_POSES = ("--experiment", "poses", "--poses", "3", "--rest", "0.5")
 """Options of the plan that is designed fastest."""
 
 
+OF_RUNS: tuple[Command, ...] = (
+    ("predict", "run", "log.csv"),
+    ("validate", "run", "other.csv"),
+    ("report", "run"),
+    ("export", "run", "--to", "cpp", "--out", "exported"),
+    ("certify", "run"),
+    ("payload", "run", "other.csv"),
+    ("track", "run", "other.csv"),
+    ("monitor", "run", "other.csv"),
+    ("recalibrate", "run", "other.csv", "--out", "again"),
+    ("preview", "run", "other.csv", "--out", "page.html"),
+)
+"""Commands that read a run."""
+
+WITH_FLEET = ("identify", "fleet/small.urdf", "fleet/unit-01.npz", "--fleet", "fleet/stored", "--out", "new-unit")
+SINCE_FLEET = ("fleet", "fleet/LATER.toml", "--since", "fleet/stored", "--no-report", "--out", "new-fleet")
+
 KINDS: dict[str, Kind] = {
     "csv": recording("log.csv", of_text("log.csv")),
     "text": recording("log.txt", of_text("log.txt")),
     "gzip": recording("log.csv.gz", compressed),
     "excel": recording("log.xlsx", of_arrays("log.xlsx", write_excel)),
-    "npz": recording("log.npz", any_of(of_arrays("log.npz", write_npz), npz_declared("log.npz"))),
-    "saved": recording("saved.npz", any_of(archive_values("saved.npz"), npz_declared("saved.npz"))),
+    "npz": recording("log.npz", any_of(of_arrays("log.npz", write_npz), in_archive("log.npz", npz_declared))),
+    "saved": recording(
+        "saved.npz", any_of(*(in_archive("saved.npz", each) for each in (archive_values, npz_declared)))
+    ),
     "mat": recording("log.mat", of_arrays("log.mat", write_mat)),
     "mat73": recording("log73.mat", of_arrays("log73.mat", write_mat73)),
     "parquet": recording("log.parquet", of_arrays("log.parquet", write_parquet)),
@@ -326,18 +312,8 @@ KINDS: dict[str, Kind] = {
         (("predict", "run", "plan.csv"), ("predict", "run", "plan.trajectory.yaml"), ("predict", "run", "plan.mat")),
         every_motion,
     ),
-    "run": Kind(
-        (
-            ("predict", "run", "log.csv"),
-            ("validate", "run", "other.csv"),
-            ("report", "run"),
-            ("export", "run", "--to", "cpp", "--out", "exported"),
-            ("certify", "run"),
-            ("payload", "run", "other.csv"),
-            ("track", "run", "other.csv"),
-        ),
-        run_folder,
-    ),
+    "run": Kind(OF_RUNS, run_folder),
+    "run-digests": Kind(OF_RUNS, with_new_digests("run", "model.json", "robot.npz", "estimate.npz")),
     "lab": Kind(
         (("simulate", "small.urdf", "plan.json", "--options", "lab.toml", "--out", "sim"),),
         of_record("lab.toml", damage_toml),
@@ -356,6 +332,14 @@ KINDS: dict[str, Kind] = {
     "sage": servo("sage", of_folder("sage")),
     "bag-folder": servo("bag", of_folder("bag")),
     "servo-study": Kind((("servo", "servo.toml", "--out", "new"),), of_record("servo.toml", damage_toml)),
+    "servo-stored": Kind(
+        (
+            ("report", "servo-run"),
+            ("validate", "servo-run", "servo-other.csv", "--columns", "effort="),
+            ("preview", "servo-run", "servo.csv", "--out", "page.html"),
+        ),
+        of_stored("servo-run", "servo.json", "robot.npz"),
+    ),
     "servo-mjcf": Kind(
         (
             ("servo", "servo.xml", "servo.csv", "--out", "new"),
@@ -369,5 +353,19 @@ KINDS: dict[str, Kind] = {
         of_record("small.srdf", damage_xml),
     ),
     "options": Kind((("doctor", "small.urdf", "log.csv"), ("predict", "run", "log.csv")), options),
+    "fleet": Kind((("fleet", "fleet/FLEET.toml", "--out", "new"),), of_record("fleet/FLEET.toml", damage_toml)),
+    "fleet-stored": Kind(
+        ((*WITH_FLEET, "--json"), SINCE_FLEET),
+        of_stored(
+            "fleet/stored",
+            "fleet.json",
+            "fleet.npz",
+            "robot.npz",
+            *(f"units/unit-01/{name}" for name in ("model.json", "estimate.npz", "robot.npz", "validation.json")),
+        ),
+    ),
+    "fleet-digests": Kind(
+        (WITH_FLEET, SINCE_FLEET), with_new_digests("fleet/stored", "fleet.json", "fleet.npz", "robot.npz")
+    ),
 }
 """Kinds of input by name."""

@@ -51,6 +51,8 @@ def write_servo_inputs(folder: Path) -> None:
     (folder / "servo.toml").write_text(STUDY)
     (folder / "small.srdf").write_text(SRDF)
     _write_csv(folder / "servo.csv", table)
+    other = recorded(model, truth, rng, SECONDS)
+    _write_csv(folder / "servo-other.csv", (other.time, np.asarray(other.q), other.held(other.time)))
     _write_lerobot(folder / "lerobot", table)
     _write_aloha(folder / "episode.hdf5", table)
     _write_sage(folder / "sage", table)

@@ -153,6 +153,8 @@ CORPUS: dict[str, Write] = {
     "a list in place of a mapping": saved_with(lambda value: {**value, "columns": [1]}),
     "a text in place of an array": saved_with(lambda value: {**value, "q": "x"}),
     "an unknown field": saved_with(lambda value: {**value, "q_": 1.0}),
+    "an unknown key of the log format": saved_with(lambda value: {**value, "guessed": {"a": {}}}),
+    "a wrong value of the log format": saved_with(lambda value: {**value, "guessed": {"units": 3}}),
     "a deep field": saved_with(lambda value: {**value, "q": json.loads("[" * 900 + "]" * 900)}),
     "an array of terabytes": array_with_header(b"(1600,), } ", b"(800000000000,), }"[:11].ljust(11)),
     "a torn header of an array": array_with_header(b"(1600,)", b"(((((((((("[:7]),

@@ -5,6 +5,8 @@ from __future__ import annotations
 import gzip
 import json
 import os
+import re
+from collections.abc import Callable
 from contextvars import copy_context
 from pathlib import Path
 
@@ -13,10 +15,12 @@ import pytest
 
 from armid.dataclass_files import load, save
 from armid.errors import ArmidError, RecordingError, RobotError
-from armid.excitation.fourier import Excitation
-from armid.input_boundary import LIMITS, allow, boundary, limit, parsed_limits, read_json, read_toml, within
+from armid.excitation.fourier import Excitation, load_plan
+from armid.input_boundary import LIMITS, allow, boundary, limit, naming, parsed_limits, read_json, read_toml, within
 from armid.measurement.readers import load_recording
 from armid.robot import load_robot
+from armid.study.config import load_study
+from armid.study.fleet.fleet_file import load_fleet_file
 
 DEEP = "[" * 100_000
 
@@ -45,6 +49,31 @@ def test_own_errors_and_interruptions_pass(passing: BaseException):
     assert caught.value is passing
 
 
+def test_own_errors_about_values_are_given_the_name_of_the_file():
+    with pytest.raises(RobotError, match=r"^a/b\.toml: own\n") as caught, naming("a/b.toml"):
+        raise RobotError("own", possible="this", remedy="that")
+    assert (caught.value.possible, caught.value.remedy) == ("this", "that")
+    with pytest.raises(RobotError, match=r"^The file a/b\.toml has none"), naming("a/b.toml"):
+        raise RobotError("The file a/b.toml has none.")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "read"),
+    [
+        ("study.toml", "[robots]\n", load_study),
+        ("FLEET.toml", "[robot]\n[[unit]]\nname = 3\n", load_fleet_file),
+        ("plan.json", json.dumps({"base_frequency": 1, "a": [], "b": 1, "offset": [0], "robot": "a"}), load_plan),
+    ],
+)
+def test_errors_about_wrong_values_name_the_file(
+    tmp_path: Path, name: str, text: str, read: Callable[[Path], object]
+):
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(ArmidError, match=re.escape(str(path))):
+        read(path)
+
+
 @pytest.mark.parametrize("text", ["", "[]", "1", "{", DEEP, '{"a": ' * 50_000, "\x00", "NaN"])
 def test_what_is_no_record_is_refused(tmp_path: Path, text: str):
     path = tmp_path / "a.json"
@@ -59,6 +88,20 @@ def test_what_is_no_table_is_refused(tmp_path: Path, text: str):
     path.write_text(text)
     with pytest.raises(ArmidError, match=r"a\.toml is not valid TOML"):
         read_toml(path, "a study")
+
+
+@pytest.mark.parametrize("levels", [100, 400])
+def test_records_of_many_levels_are_refused(tmp_path: Path, levels: int):
+    """Fewer than those at which a parser gives up; what copies a record later needs several calls for each level."""
+    record, table = tmp_path / "a.json", tmp_path / "a.toml"
+    record.write_text('{"a": ' * levels + "1" + "}" * levels)
+    table.write_text(f"a = {'[' * levels}{']' * levels}")
+    for path, read in ((record, read_json), (table, read_toml)):
+        if levels <= LIMITS["nesting"].most:
+            assert "a" in read(path, "a record")
+        else:
+            with pytest.raises(ArmidError, match=rf"{path.name} has 40[01] levels of nested"):
+                read(path, "a record")
 
 
 def test_other_files_are_refused(tmp_path: Path):

@@ -103,6 +103,13 @@ def test_observations_come_back(tmp_path):
     assert (loaded.runs[0].rate, loaded.runs[0].step, loaded.runs[0].offset) == (100.0, 3, 1)
 
 
+@pytest.mark.parametrize("weights", [np.zeros(2, [("a", "f8")]), np.zeros(2, "M8[s]"), np.zeros(2, "V8")])
+def test_arrays_without_numbers_are_refused(tmp_path, weights):
+    path = save(Inner("α", weights), tmp_path / "value.npz")
+    with pytest.raises(ArmidError, match=r"value\.npz cannot be read as a Inner.*stands in place of numbers"):
+        load(Inner, path)
+
+
 def test_another_type_is_refused(tmp_path):
     path = save(Band(), tmp_path / "band.npz")
     with pytest.raises(ArmidError, match="contains a value of type Band, but a Motion is needed"):

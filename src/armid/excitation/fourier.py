@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from armid.atomic_file import replace_file
 from armid.checked_array import Array, array
 from armid.errors import ArmidError
-from armid.input_boundary import boundary, read_json, within
+from armid.input_boundary import boundary, naming, read_json, within
 from armid.model.motion import Motion
 from armid.notebook_display import Displayed, Summary
 
@@ -134,7 +134,7 @@ def load_plan(path: Path | str) -> Excitation:
             if point_to_point
             else remedy,
         )
-    with boundary("a plan", path, remedy=remedy):
+    with boundary("a plan", path, remedy=remedy), naming(path):
         return Excitation(plan["base_frequency"], plan["a"], plan["b"], plan["offset"], str(plan["robot"]))
 
 

@@ -83,6 +83,13 @@ class BaseParameters(Displayed):
         kept = np.array(self.kept, dtype=np.intp)
         kept.setflags(write=False)
         object.__setattr__(self, "kept", kept)
+        count = len(self.standard_names)
+        ascending = kept.ndim == 1 and bool((np.diff(kept, prepend=-1, append=count) > 0).all())
+        if len(self.standard_units) != count or not ascending:
+            raise ModelError(
+                f"{count} standard parameters have {len(self.standard_units)} units and the kept columns {kept}.",
+                remedy="give a unit for each standard parameter, and ascending indices of kept columns.",
+            )
         shape = (len(kept), len(self.standard_names))
         object.__setattr__(self, "regrouping", array(self.regrouping, shape, "regrouping"))
         object.__setattr__(self, "gravity", array(self.gravity, (3,), "gravity"))

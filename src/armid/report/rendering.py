@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
+from functools import cache
 from importlib.resources import files
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
@@ -46,8 +47,12 @@ def security_policy(*scripts: str) -> str:
     )
 
 
+@cache
 def environment() -> Environment:
-    """Jinja environment that escapes inserted text and raises an error for undefined names."""
+    """Jinja environment that escapes inserted text and raises an error for undefined names.
+
+    All pages of a process share it, because it keeps compiled templates, and compiling takes longer than rendering.
+    """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     jinja = Environment(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from armid.checked_array import Array
 from armid.errors import Finding, RobotError
 
 NO_STOP = 100.0
@@ -37,6 +38,28 @@ class DescribedLimits:
     velocity: float = math.inf
     effort: float = math.inf
     soft: tuple[float, float] = (-math.inf, math.inf)
+
+
+def refuse_impossible_limits(joint: str, position: Array, velocity: float, effort: float) -> None:
+    """Raises an error if no joint can have these limits, as in a damaged file.
+
+    Args:
+        joint: Name of the joint.
+        position: Lower and upper limit, shape (2,) [rad or m].
+        velocity: Velocity limit [rad/s or m/s].
+        effort: Effort limit [N·m or N].
+
+    Raises:
+        RobotError: The lower limit is larger than the upper limit, or a limit is NaN.
+    """
+    low, high = map(float, position)
+    if low <= high and not math.isnan(velocity) and not math.isnan(effort):
+        return
+    raise RobotError(
+        f"Joint {joint!r} has the position limits {low:g} and {high:g}, the velocity limit {velocity:g} and the "
+        f"effort limit {effort:g}; no joint can have them.",
+        remedy="give a lower and an upper limit, and numbers.",
+    )
 
 
 def limits_of(

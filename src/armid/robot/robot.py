@@ -17,6 +17,7 @@ from armid.maths import inertia as inertia_maths
 from armid.maths.rotations import axis_rotation, homogeneous
 from armid.notebook_display import Displayed, Summary, plural
 from armid.robot.described_drive import DescribedDrive
+from armid.robot.described_limits import refuse_impossible_limits
 from armid.robot.shapes import Shape
 
 EARTH_GRAVITY = (0.0, 0.0, -9.81)
@@ -140,6 +141,7 @@ class Joint:
         object.__setattr__(self, "placement", array(self.placement, (4, 4), f"placement of joint {self.name!r}"))
         for limits in ("position_limits", "soft_limits"):
             object.__setattr__(self, limits, array(getattr(self, limits), (2,), limits, finite=False))
+        refuse_impossible_limits(self.name, self.position_limits, self.velocity_limit, self.effort_limit)
 
     @property
     def is_prismatic(self) -> bool:
@@ -246,11 +248,8 @@ class Robot(Displayed):
     held: tuple[Held, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "joints", tuple(self.joints))
-        object.__setattr__(self, "shapes", tuple(self.shapes))
-        object.__setattr__(self, "visuals", tuple(self.visuals))
-        object.__setattr__(self, "links", tuple(self.links))
-        object.__setattr__(self, "held", tuple(self.held))
+        for name in ("joints", "shapes", "visuals", "links", "held"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         object.__setattr__(self, "gravity", array(self.gravity, (3,), "gravity"))
         if len(self.joints) != len(self.links):
             raise RobotError(

@@ -6,7 +6,8 @@ The records are made from a result in memory or read from the folder of a run, w
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -79,8 +80,19 @@ def read_records(run: Run) -> RunRecords:
 
 
 def trained_and_validated(run: Run, study: Study) -> list[tuple[RecordingChoice, str]]:
-    """Recordings for training and validation in the study of a run, each with its digest (sha256)."""
-    return list(zip(study.recordings, run.estimate.recording_digests, strict=True))
+    """Recordings for training and validation in the study of a run, each with its digest (sha256).
+
+    Raises:
+        ArmidError: The estimate was made from another number of recordings.
+    """
+    digests = run.estimate.recording_digests
+    if len(digests) != len(study.recordings):
+        raise ArmidError(
+            f"{run.folder}: study.json has {len(study.recordings)} recordings, and estimate.npz the digests of "
+            f"{len(digests)}.",
+            remedy="restore the folder from a copy, or identify again.",
+        )
+    return list(zip(study.recordings, digests, strict=True))
 
 
 def study_of_run(run: Run) -> Study:
@@ -91,7 +103,7 @@ def study_of_run(run: Run) -> Study:
     """
     path = Path(run.folder) / "study.json"
     record = read_json(path, "the study of a run", remedy="identify again.")
-    with boundary("the study of a run", path, remedy="identify again."):
+    with boundary("the study of a run", path, remedy="identify again."), _as_value_error():
         return Study(
             parse_robot(record["robot"]),
             resolve_model(run.model),
@@ -128,20 +140,34 @@ def _read(run: Run, name: str) -> dict[str, Any]:
 
 
 def study_of_record(record: Mapping[str, Any]) -> Study:
-    """Study from the record `study.json` of a run."""
-    recordings = tuple(
-        RecordingChoice(each["path"], each["role"], LogFormat(**each["reading"]), tuple(each["part"]))
-        for each in record["recordings"]
-    )
-    return Study(
-        parse_robot(record["robot"]),
-        ModelChoice(**record["model"]),
-        recordings,
-        ProcessingOptions(**record["processing"]),
-        EstimationChoice(**record["estimation"]),
-        str(record["folder"]),
-        ServoChoice(**record.get("servo", {})),
-    )
+    """Study from the record `study.json` of a run.
+
+    Raises:
+        ValueError: The study contradicts itself.
+    """
+    with _as_value_error():
+        recordings = tuple(
+            RecordingChoice(each["path"], each["role"], LogFormat(**each["reading"]), tuple(each["part"]))
+            for each in record["recordings"]
+        )
+        return Study(
+            parse_robot(record["robot"]),
+            ModelChoice(**record["model"]),
+            recordings,
+            ProcessingOptions(**record["processing"]),
+            EstimationChoice(**record["estimation"]),
+            str(record["folder"]),
+            ServoChoice(**record.get("servo", {})),
+        )
+
+
+@contextmanager
+def _as_value_error() -> Generator[None]:
+    """Context in which an error about a value becomes a ValueError, to which the boundary adds the file."""
+    try:
+        yield
+    except ArmidError as fault:
+        raise ValueError(fault.problem) from fault
 
 
 def _validation(record: Mapping[str, Any]) -> Validation:

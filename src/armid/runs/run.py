@@ -13,13 +13,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from armid.atomic_file import replace_file
 from armid.dataclass_files import load, save
 from armid.errors import ArmidError
 from armid.estimation.estimate_record import Estimate
 from armid.estimation.link_properties import LinkTable, link_record, link_table
 from armid.hashes import sha256_of_file
-from armid.input_boundary import boundary, read_json
+from armid.input_boundary import boundary, naming, read_json
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.dynamics_model import DynamicsModel
@@ -190,15 +192,9 @@ def load_run(folder: Path | str) -> Run:
     kept = _model_record(folder)
     _check_archives(folder, kept)
     robot, estimate = load(Robot, folder / "robot.npz"), load(Estimate, folder / "estimate.npz")
-    with boundary(RUN, folder, remedy="identify again."):
+    with boundary(RUN, folder, remedy="identify again."), naming(folder):
         model = _model(robot, kept)
-        if len(estimate.base.standard_names) != len(model.parameters):
-            raise ArmidError(
-                f"{folder / 'estimate.npz'} is not the estimate of this run: its model has "
-                f"{len(estimate.base.standard_names)} standard parameters, and that of model.json "
-                f"{len(model.parameters)}.",
-                remedy="restore the folder from a copy, or identify again.",
-            )
+        _require_estimate_of(estimate, model, folder)
         return Run(
             str(folder),
             robot,
@@ -209,6 +205,28 @@ def load_run(folder: Path | str) -> Run:
             tuple(_digest(each) for each in kept["trained_on"]),
             _verdict(folder),
             origin_of(kept),
+        )
+
+
+def _require_estimate_of(estimate: Estimate, model: DynamicsModel, folder: Path) -> None:
+    """Raises an error if an estimate is not one of the parameters of a model."""
+    base, fit = estimate.base, estimate.fit
+    problem = ""
+    if len(base.standard_names) != len(model.parameters):
+        problem = (
+            f"its model has {len(base.standard_names)} standard parameters, and that of model.json "
+            f"{len(model.parameters)}"
+        )
+    elif not {name.of_all for name in fit.names} >= set(base.names):
+        problem = "it has values of other parameters than its base parameters"
+    elif fit.standard is not None and not {each.of_all for each in fit.standard.names} >= set(base.standard_names):
+        problem = "it has values of other standard parameters than its model"
+    elif estimate.speeds is not None and np.shape(estimate.speeds) != (model.n,):
+        problem = f"it has speeds of the shape {np.shape(estimate.speeds)} for {model.n} joints"
+    if problem:
+        raise ArmidError(
+            f"{folder / 'estimate.npz'} is not the estimate of this run: {problem}.",
+            remedy="restore the folder from a copy, or identify again.",
         )
 
 

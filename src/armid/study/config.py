@@ -16,7 +16,7 @@ from typing import Any, Literal, TypeVar
 
 from armid.errors import ArmidError, StudyError, did_you_mean
 from armid.estimation.catalogue import ESTIMATORS, Estimator
-from armid.input_boundary import boundary, read_toml
+from armid.input_boundary import boundary, naming, read_toml
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.dynamics_model import DynamicsModel
@@ -84,6 +84,7 @@ class ModelChoice:
 
     def __post_init__(self) -> None:
         _require(_are_texts(self.terms), "terms", "a list of names", self.terms)
+        _require(hasattr(self.shapes, "items"), "shapes", "a table", self.shapes)
         object.__setattr__(self, "terms", tuple(self.terms))
 
 
@@ -140,6 +141,8 @@ class EstimationChoice:
         if self.method not in ESTIMATORS and self.method != AUTOMATIC_METHOD:
             names, nearest = ", ".join(ESTIMATORS), did_you_mean(self.method, ESTIMATORS)
             raise StudyError(f"Unknown estimation method {self.method!r}.", possible=names, remedy=nearest)
+        good = hasattr(self.options, "items") and all(hasattr(each, "items") for each in self.options.values())
+        _require(good, "options", "a table of tables", self.options)
         for key in PER_RECORDING:
             _require(getattr(self, key) in (True, False), key, "true or false", getattr(self, key))
 
@@ -194,7 +197,7 @@ def load_study(path: Path | str) -> Study:
     """
     path = Path(path)
     table = read_toml(path, "a study", StudyError, remedy="give the path of a study.toml.")
-    with boundary("a study", path, StudyError, remedy="correct the keys that docs/study.md explains."):
+    with naming(path), boundary("a study", path, StudyError, remedy="correct the keys that docs/study.md explains."):
         return parse_study(table, str(path.parent))
 
 

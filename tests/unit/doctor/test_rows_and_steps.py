@@ -83,12 +83,14 @@ def test_velocities_in_degrees_are_no_wrong_clock():
     assert "velocity-mismatch" in codes and "clock-rate" not in codes
 
 
-def test_coarse_channels_are_named_and_others_are_not():
+@pytest.mark.parametrize("steps", [5.0, 14.0, 20.0])
+def test_coarse_channels_are_named_and_others_are_not(steps: float):
+    """Also a torque that lost what is behind its decimal point."""
     case = sound(UR10E)
     assert case.recording.effort is not None
     effort, q = case.recording.effort.copy(), case.recording.q.copy()
-    step = np.ptp(effort[:, 1]) / 5.0
-    effort[:, 1] = np.round(effort[:, 1] / step) * step
+    step = np.ptp(effort[:, 1]) / steps
+    effort[:, 1] = np.trunc(effort[:, 1] / step) * step
     q[:, 2] = np.round(q[:, 2] / 0.05) * 0.05
     found = [f for f in told(case.logged(effort=effort, q=q)) if f.code == "channel-coarse"]
     names = case.robot.joint_names

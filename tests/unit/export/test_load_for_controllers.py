@@ -276,6 +276,13 @@ def test_loads_that_are_not_written(tmp_path: Path):
         read_load(stored(np.array([1.0, -1.5, 1.0]), points[:3], path))
     with pytest.raises(OutputError, match="six numbers"):
         read_load(stored(masses, points, path), "0,0,1")
+    for change in (
+        {"mass": {"interval95": []}},
+        {"covariance": {"matrix": np.eye(9).tolist(), "quantile": 2.0}},
+        {"frame": "wrist", "tip": {"name": "tool0", "link": "wrist", "placement": [0.0, 0.0, 0.0, 1.0]}},
+    ):
+        with pytest.raises(OutputError, match=r"payload\.json cannot be read .*shape"):
+            read_load(stored(masses, points, path, **change))
     path.write_text('{"mass": 3}')
     with pytest.raises(OutputError, match="cannot be read as a payload of this version of armid"):
         read_load(path)

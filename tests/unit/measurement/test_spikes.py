@@ -62,6 +62,27 @@ def test_lost_packets_of_positions_are_left_out_for_all_joints(rate: float):
     assert np.abs(found.q - there.q).max() <= 2.0 * curvature(there.q)
 
 
+@pytest.mark.parametrize("name", ["q", "command"])
+def test_a_jump_at_a_low_rate_needs_an_acceleration_that_no_arm_has(name: str):
+    """A third of a radian in 20 ms and back: 17 rad/s, but at least 8 · 0.33 / 0.04² = 1700 rad/s²."""
+    there = log(50.0)
+    there = replace(there, effort=None, command=there.q)
+    away = getattr(there, name)[ROWS[1], 1] + 0.35
+    found, (finding,) = read(changed(there, name, (ROWS[1], 1), away))
+    assert finding.channel == there.channels[1] and "1e+03 rad/s²" in finding.evidence
+    assert not found.valid[ROWS[1], 1] and found.valid[ROWS[1] - 1].all()
+
+
+@pytest.mark.parametrize("rate", [50.0, 100.0, 500.0, 1000.0])
+def test_motion_with_the_acceleration_of_a_fast_arm_is_left_alone(rate: float):
+    """Rest, and swings out and back within a tenth of a second, with up to 490 rad/s² and 8 rad/s."""
+    there = log(rate)
+    time = np.arange(there.samples) / rate
+    swing = np.where(time % 1.0 < 0.1, 0.125 * (1.0 - np.cos(2.0 * np.pi * (time % 1.0) / 0.1)), 0.0)
+    moved = replace(there, q=np.repeat(swing[:, None], 3, axis=1))
+    assert read(moved)[1] == []
+
+
 def test_a_position_of_one_joint_is_left_out_for_all():
     there = log()
     found, (finding,) = read(changed(there, "q", (ROWS, 1), 5.0))

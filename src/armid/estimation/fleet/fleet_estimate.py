@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.checked_array import Array, array
+from armid.errors import ArmidError
 from armid.estimation.fleet.find_odd import odd_bodies, odd_unknowns
 from armid.estimation.fleet.fleet_data import FleetData, fleet_data
 from armid.estimation.fleet.fleet_rounds import FleetState, first_rounds, rounds
@@ -43,6 +44,11 @@ class OwnUnknowns:
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple(self.names))
         object.__setattr__(self, "deviation", array(self.deviation, (len(self.names),), "deviation"))
+        if np.shape(self.joint) != (len(self.names),):
+            raise ArmidError(
+                f"{len(self.names)} unknowns have {np.size(self.joint)} joints.",
+                remedy="give the joint of each unknown.",
+            )
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -76,10 +82,20 @@ class FleetEstimate:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "units", tuple(self.units))
-        count = len(self.units)
-        for name in ("values", "deviation", "scale", "scale_deviation", "score"):
+        b, n, m = len(self.prior.names), len(self.prior.noise), len(self.own.names)
+        if m != len(self.prior.own) + n:
+            raise ArmidError(
+                f"A fleet has {m} own unknowns, but {len(self.prior.own)} own parameters and {n} joints.",
+                remedy="give one unknown for each own parameter and one torque scale for each joint.",
+            )
+        for name, length in (("values", b), ("deviation", b), ("scale", n), ("scale_deviation", n), ("score", m)):
             given = np.asarray(getattr(self, name), dtype=np.float64)
-            object.__setattr__(self, name, array(given, (count, None), name, finite=name != "score"))
+            object.__setattr__(self, name, array(given, (len(self.units), length), name, finite=name != "score"))
+        if min(float(each.min(initial=0.0)) for each in (self.deviation, self.scale_deviation)) < 0.0:
+            raise ArmidError(
+                "Standard deviations of the units of a fleet must not be negative.",
+                remedy="identify the fleet again.",
+            )
         object.__setattr__(self, "odd", tuple(self.odd))
         object.__setattr__(self, "odd_bodies", tuple(self.odd_bodies))
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armid.checked_array import Array, array
-from armid.errors import EstimationError
+from armid.errors import ArmidError, EstimationError
 from armid.estimation.fleet.layout import FleetLayout
 from armid.estimation.fleet.unit_rows import unit_rows
 from armid.information.information import Information, total
@@ -19,6 +19,10 @@ STEPS = 8
 
 CONVERGED = 1e-7
 """Largest change of a torque scale at which the steps end, far below its uncertainty."""
+
+
+ROUNDING = 1e-9
+"""Error of a covariance, relative to its largest element, that rounding may cause."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -51,6 +55,28 @@ class FleetPrior:
             object.__setattr__(self, name, array(getattr(self, name), shape, name))
         for name in ("scale_deviation", "noise", "correlation"):
             object.__setattr__(self, name, array(getattr(self, name), (n,), name))
+        self._require_distribution()
+
+    def _require_distribution(self) -> None:
+        """Raises an error if no fleet can have these values."""
+        strangers = [name for name in self.own if name not in self.names]
+        if strangers:
+            raise ArmidError(
+                f"A fleet has no parameters {', '.join(strangers)}, so units cannot differ in them.",
+                possible=", ".join(self.names),
+                remedy="name base parameters of the fleet.",
+            )
+        for name, least in (("scale_deviation", 0.0), ("noise", 0.0), ("correlation", 1.0)):
+            if (getattr(self, name) < least).any():
+                found = float(getattr(self, name).min())
+                raise ArmidError(f"{name} of a fleet must not be below {least:g}; found {found:g}.")
+        if not self.noise.all():
+            raise ArmidError("The noise of each joint of a fleet must be above 0.")
+        largest = float(np.abs(self.covariance).max(initial=0.0))
+        asymmetry = float(np.abs(self.covariance - self.covariance.T).max(initial=0.0))
+        smallest = float(np.linalg.eigvalsh(self.covariance).min(initial=0.0))
+        if asymmetry > ROUNDING * largest or smallest < -ROUNDING * largest:
+            raise ArmidError("The covariance of a fleet must be symmetric and positive semidefinite.")
 
     @property
     def weights(self) -> Array:

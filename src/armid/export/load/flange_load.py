@@ -169,11 +169,11 @@ def _moved(record: Mapping[str, Any], run: Run | None, flange: str | None) -> Fl
     values, unconstrained = (np.array([ten[name][key] for name in LOAD_NAMES], dtype=np.float64) for key in KEYS)
     _require_body(values)
     to_flange, words = _to_flange(record, run, flange)
-    tip_pose = np.array(tip["placement"], dtype=np.float64) if record["frame"] != tip["name"] else np.eye(4)
+    tip_pose = _numbers(tip["placement"], 4, 4) if record["frame"] != tip["name"] else np.eye(4)
     pose = _inverse(tip_pose @ to_flange)
     matrix = transform(np.eye(10), pose[:3, :3], pose[:3, 3]).T
     order = [list(ten).index(name) for name in LOAD_NAMES]
-    covariance = np.array(record["covariance"]["matrix"], dtype=np.float64)[np.ix_(order, order)]
+    covariance = _numbers(record["covariance"]["matrix"], len(ten), len(ten))[np.ix_(order, order)]
     undetermined = np.array([ten[name]["status"] == "not identifiable" for name in LOAD_NAMES])
     return FlangeLoad(
         record["robot"],
@@ -184,12 +184,24 @@ def _moved(record: Mapping[str, Any], run: Run | None, flange: str | None) -> Fl
         matrix @ covariance @ matrix.T,
         float(record["covariance"]["quantile"]),
         np.array([bool(undetermined[np.abs(row) > MIXED].any()) for row in matrix]),
-        np.array(record["mass"]["interval95"], dtype=np.float64),
+        _numbers(record["mass"]["interval95"], 2),
         tuple(f"{name} {ten[name]['status']}" for name in ten if ten[name]["status"] != "identified"),
     )
 
 
 KEYS = ("value", "unconstrained")
+
+
+def _numbers(found: Any, *shape: int) -> Array:
+    """Array of a record, in which null is NaN.
+
+    Raises:
+        ValueError: The array has another shape than it should have.
+    """
+    numbers = np.array(found, dtype=np.float64)
+    if numbers.shape != shape:
+        raise ValueError(f"an array of the shape {numbers.shape} stands in place of one of the shape {shape}")
+    return numbers
 
 
 def _inverse(pose: Array) -> Array:

@@ -3,10 +3,10 @@
 A dropped packet that is logged as zeros, or a bit error on a bus, affects one sample or a few samples. A filter
 spreads such a sample over the rows around it. Therefore spikes are detected and interpolated before anything is
 filtered, and the samples are not used. A position is a spike if it jumps away and back at a speed of several times
-the velocity limit. A velocity or a torque is a spike if it is isolated: one sample, or a few samples, far from the
-samples on both sides. A commanded position is examined like a measured one. A velocity is not a spike if the
-differences of the positions agree with it. In logs with a low sample rate, velocities and torques are not examined,
-because a real motion can be as short as a spike.
+the velocity limit, or with an acceleration that no arm reaches. A velocity or a torque is a spike if it is isolated:
+one sample, or a few samples, far from the samples on both sides. A commanded position is examined like a measured
+one. A velocity is not a spike if the differences of the positions agree with it. In logs with a low sample rate,
+velocities and torques are not examined, because a real motion can be as short as a spike.
 """
 
 from __future__ import annotations
@@ -37,6 +37,10 @@ FASTER = 3.0
 PLAUSIBLE_ANGULAR, PLAUSIBLE_LINEAR = 10.0, 3.0
 """Largest plausible speeds of a revolute joint [rad/s] and of a prismatic joint [m/s], for descriptions without a
 velocity limit or with a placeholder."""
+
+SHARPEST_ANGULAR, SHARPEST_LINEAR = 1000.0, 300.0
+"""Largest accelerations of a revolute joint [rad/s²] and of a prismatic joint [m/s²]; a servo of a light arm reaches
+some hundred. At low sample rates this bound is lower than that of the speed: 0.2 rad in one sample at 50 Hz."""
 
 STEPS, QUANTILE = 10.0, 0.9
 """Smallest height of a spike of a position, divided by a quantile of the absolute steps from sample to sample, and
@@ -86,12 +90,14 @@ class Channels:
     Attributes:
         speed: Largest plausible speed of each channel, shape (n,) [units of the log per second]; infinite if
             unknown.
+        acceleration: Largest acceleration of each channel, shape (n,) [units of the log per second squared].
         turn: Full turn of each channel, shape (n,) [units of the log]; infinite for prismatic joints.
         units: Units of the positions.
         effort_units: Units of the efforts.
     """
 
     speed: Array
+    acceleration: Array
     turn: Array
     units: tuple[str, ...]
     effort_units: tuple[str, ...]
@@ -124,7 +130,7 @@ def without_spikes(
         return recording, ()
     channels = _channels(recording, log_format, robot)
     time = np.arange(recording.samples) / (recording.rate or 1.0) if recording.time is None else recording.time
-    found = {"q": impossible_positions(recording.q, time, channels.speed, channels.turn)}
+    found = {"q": impossible_positions(recording.q, time, channels)}
     usual_step = float(median(np.abs(np.diff(time))))
     if recording.dq is not None and usual_step <= SLOWEST:
         flags = isolated_samples(recording.dq, usual_step)
@@ -133,7 +139,7 @@ def without_spikes(
     if recording.effort is not None and usual_step <= SLOWEST:
         found["effort"] = isolated_samples(recording.effort, usual_step)
     if recording.command is not None:
-        found["command"] = impossible_positions(recording.command, time, channels.speed, channels.turn)
+        found["command"] = impossible_positions(recording.command, time, channels)
     return interpolate_spikes(recording, found, time, channels, kept=log_format.spikes == "keep")
 
 
@@ -164,45 +170,51 @@ def interpolate_spikes(
     return _repaired(recording, channels.turn, found, time), tuple(findings)
 
 
-def impossible_positions(q: Array, time: Array, speed: Array, turn: Array) -> Flags:
+def impossible_positions(q: Array, time: Array, channels: Channels) -> Flags:
     """Mask of the positions that jump away and back faster than an arm can move, shape (N, n).
 
     Args:
         q: Positions, shape (N, n) [units of the log].
         time: Times of the samples, shape (N,) [s].
-        speed: Largest plausible speed of each channel, shape (n,) [units of the log per second].
-        turn: Full turn of each channel, by which wrapped angles jump, shape (n,) [units of the log]; infinite if it
-            is not an angle.
-
-    Returns:
-        Mask, shape (N, n).
+        channels: Limits of the channels, and the full turns by which wrapped angles jump.
     """
     found = np.zeros(q.shape, dtype=np.bool_)
     steps, seconds = np.diff(q, axis=0), np.abs(np.diff(time))
-    largest, fastest = np.maximum(steps.max(axis=0), -steps.min(axis=0)), FASTER * speed
-    for j in np.flatnonzero(largest > fastest * seconds.min()):
-        x = np.ascontiguousarray(q[:, j])
-        wraps = largest[j] > turn[j] / 2 and float(median(np.abs(steps[:, j]))) < WRAP_TOLERANCE * turn[j]
+    largest = np.maximum(steps.max(axis=0), -steps.min(axis=0))
+    least = np.minimum(FASTER * channels.speed * seconds.min(), channels.acceleration * seconds.min() ** 2 / 2)
+    for j in np.flatnonzero(largest > least):
+        x, turn = np.ascontiguousarray(q[:, j]), channels.turn[j]
+        limits = FASTER * channels.speed[j], channels.acceleration[j]
+        wraps = largest[j] > turn / 2 and float(median(np.abs(steps[:, j]))) < WRAP_TOLERANCE * turn
         if wraps:
-            _mark_impossible(np.unwrap(x, period=turn[j]), time, fastest[j], np.inf, found[:, j])
-        _mark_impossible(x, time, fastest[j], turn[j] if wraps else np.inf, found[:, j])
+            _mark_impossible(np.unwrap(x, period=turn), time, limits, np.inf, found[:, j])
+        _mark_impossible(x, time, limits, turn if wraps else np.inf, found[:, j])
     return found
 
 
-def _mark_impossible(x: Array, time: Array, fastest: float, turn: float, found: Flags) -> None:
-    """Marks impossible positions of one channel (N,) in the mask `found`; jumps by whole turns are not marked."""
+def _mark_impossible(x: Array, time: Array, limits: tuple[float, float], turn: float, found: Flags) -> None:
+    """Marks impossible positions of one channel (N,) in the mask `found`; jumps by whole turns are not marked.
+
+    `limits` are a speed and an acceleration. With the acceleration a, a position that is at the same place at two
+    times T apart has left it by at most a T²/8 in between; with the speed v by at most v T/2.
+    """
     step, seconds = np.abs(np.diff(x)), np.abs(np.diff(time))
-    if not (step > fastest * seconds).any():
+    if not (step > _farthest(2.0 * seconds, limits)).any():
         return
     usual = STEPS * max(float(np.quantile(step, QUANTILE)), smallest_step(step))
     extended = np.concatenate([[time[0] - seconds[0]], time, [time[-1] + seconds[-1]]])
     for length in range(1, LONGEST + 1):
         span = np.abs(extended[length + 1 :] - extended[: -length - 1])
         height, _ = heights(x, length, ends=True)
-        starts = height > np.maximum(fastest * span / 2, usual)
+        starts = height > np.maximum(_farthest(span, limits), usual)
         if np.isfinite(turn):
             starts &= np.abs(height - turn * np.round(height / turn)) > WRAP_TOLERANCE * turn
         marked(starts, length, found)
+
+
+def _farthest(span: Array, limits: tuple[float, float]) -> Array:
+    """Largest distance that a position moves away and back within times `span`, with a speed and an acceleration."""
+    return np.minimum(limits[0] * span / 2, limits[1] * span**2 / 8)
 
 
 def confirmed_velocities(dq: Array, flags: Flags, q: Array, time: Array, channels: Channels) -> Flags:
@@ -244,16 +256,18 @@ def _channels(recording: Recording, log_format: LogFormat, robot: Robot) -> Chan
     """Units and speed limits of the channels of a log."""
     turns = np.array([not joint.is_prismatic for joint in robot.joints])
     plausible = np.where(turns, PLAUSIBLE_ANGULAR, PLAUSIBLE_LINEAR)
+    sharpest = np.where(turns, SHARPEST_ANGULAR, SHARPEST_LINEAR)
     limits = np.array([joint.velocity_limit for joint in robot.joints])
     speed = np.where(limits > 0.0, np.minimum(limits, plausible), plausible)
     if log_format.transmission is not None:
-        speed = np.abs(np.asarray(log_format.transmission)) @ speed
+        speed, sharpest = (np.abs(np.asarray(log_format.transmission)) @ each for each in (speed, sharpest))
     degrees = turns & log_format.degrees(robot.n)
     turn = np.where(turns, np.where(degrees, 360.0, 2.0 * np.pi), np.inf)
     units = tuple("deg" if each else joint.unit for each, joint in zip(degrees, robot.joints, strict=True))
     current = recording.effort_is_current or log_format.drive_gain is not None
     efforts = tuple("A" if current else joint.effort_unit for joint in robot.joints)
-    return Channels(np.where(degrees, np.degrees(speed), speed), turn, units, efforts)
+    speed, sharpest = (np.where(degrees, np.degrees(each), each) for each in (speed, sharpest))
+    return Channels(speed, sharpest, turn, units, efforts)
 
 
 def _add_lost_packets(flags: Flags, values: Array) -> None:
@@ -361,6 +375,14 @@ def _largest(recording: Recording, quantity: str, flags: Flags, time: Array, cha
         f"The largest jump is that of {recording.channels[j]} at t = {time[row]:.3f} s: {values[row, j]:.4g} {unit} "
         f"next to {sides} {unit}."
     )
+<<<<<<< HEAD
     if quantity in ("q", "command") and np.isfinite(channels.speed[j]):
         text += f" That is faster than {FASTER:g} times its largest speed, {channels.speed[j]:.3g} {unit}/s."
+=======
+    if quantity in ("q", "command"):
+        text += (
+            f" For that it would need {FASTER:g} times its largest speed, {channels.speed[j]:.3g} {unit}/s, or "
+            f"{channels.acceleration[j]:.3g} {unit}/s²."
+        )
+>>>>>>> fuzz
     return text

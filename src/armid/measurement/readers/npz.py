@@ -10,6 +10,7 @@ import numpy as np
 from armid.checked_array import Array
 from armid.dataclass_files import load, refuse_large_archive
 from armid.errors import RecordingError
+from armid.input_boundary import boundary, naming
 from armid.measurement.columns.column_selection import assemble, numeric, select
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
@@ -51,6 +52,8 @@ def _recording(archive: np.lib.npyio.NpzFile, log_format: LogFormat, robot: Robo
     """Reads the recording from an open archive."""
     if "value.json" in archive.files:
         saved = load(Recording, path)
+        with boundary("a saved recording", path, RecordingError, remedy="save it again."), naming(path):
+            replace(log_format, **saved.guessed)
         consecutive = saved.consecutive if log_format.consecutive is None else log_format.consecutive
         return replace(saved, rate=log_format.rate or saved.rate, consecutive=consecutive)
 

@@ -269,7 +269,8 @@ def _channels(recording: Recording, log_format: LogFormat) -> Channels:
     names = tuple("deg" if each else "rad" for each in np.broadcast_to(degrees, recording.n))
     current = recording.effort_is_current or log_format.drive_gain is not None
     efforts = ("A" if current else "N·m",) * recording.n
-    return Channels(np.full(recording.n, np.inf), np.broadcast_to(turn, recording.n), names, efforts)
+    unknown = np.full(recording.n, np.inf)
+    return Channels(unknown, unknown, np.broadcast_to(turn, recording.n), names, efforts)
 
 
 def _wrapped(channel: str, jumps: int) -> Finding:

@@ -21,7 +21,7 @@ def heading_of(joints: Sequence[Joint], j: int) -> str:
 def label_of(joints: Sequence[Joint], j: int) -> str:
     """Label of a joint for a cell or a sentence: `3 · elbow`, or only the name if the name ends in the number."""
     name = joints[j].name
-    suffix = re.search(r"(\d+)$", name)
+    suffix = re.search(r"(?<!\d)0*(\d{1,9})$", name)  # a longer number is not that of a joint
     return name if suffix is not None and int(suffix[1]) == j + 1 else f"{j + 1} · {name}"
 
 

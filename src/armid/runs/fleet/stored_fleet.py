@@ -188,4 +188,11 @@ def load_fleet(folder: Path | str) -> StoredFleet:
         digests = {name: kept["sha256"][name] for name in ARCHIVES}
     for name, digest in digests.items():
         refuse_changed_archive(folder / name, digest, MARKER, "run armid fleet again.")
-    return StoredFleet(str(folder), load(Robot, folder / ARCHIVES[1]), load(FleetEstimate, folder / ARCHIVES[0]))
+    robot, estimate = load(Robot, folder / ARCHIVES[1]), load(FleetEstimate, folder / ARCHIVES[0])
+    if robot.n != len(estimate.prior.noise):
+        raise ArmidError(
+            f"{folder} has an arm with {robot.n} joints and an estimate with {len(estimate.prior.noise)}, which do "
+            "not belong together.",
+            remedy="restore the folder from a copy, or run armid fleet again.",
+        )
+    return StoredFleet(str(folder), robot, estimate)

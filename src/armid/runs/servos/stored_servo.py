@@ -24,7 +24,8 @@ from armid.model.terms import TERMS
 from armid.robot import Robot
 from armid.runs.read_records import study_of_record
 from armid.servo.estimate_table import EstimatedValue, Origin
-from armid.servo.parameters import ServoModel, ServoParameters, make_servo_model
+from armid.servo.identify_servo import SHORTEST_STEP
+from armid.servo.parameters import LONGEST_STEP, ServoModel, ServoParameters, make_servo_model
 from armid.servo.score import ClosedLoopError
 from armid.study.config import Study
 from armid.study.servos.identification import ServoResult, ServoScore
@@ -187,7 +188,7 @@ def load_servo(folder: Path | str) -> StoredServo:
     with boundary(f"a {KIND}", path, remedy=AGAIN):
         study = study_of_record(record["study"])
         model = make_servo_model(robot, [TERMS[name]() for name in study.servo.terms])
-        model = replace(model, longest_step=float(record["longest_step"]))
+        model = replace(model, longest_step=_longest_step(record["longest_step"]))
         left_out = record["left_out"]["refined" if record["refined"] else "first"]
         score = record["validation"]
         digests = tuple(str(each) for each in record["sha256"]["recordings"])
@@ -197,7 +198,7 @@ def load_servo(folder: Path | str) -> StoredServo:
             str(folder),
             study,
             model,
-            parameters_of_record(record),
+            _parameters_of(model, record),
             tuple(_value(each, robot.joint_names) for each in record["values"]),
             ServoErrors(
                 _error(record["training"], robot.n),
@@ -210,6 +211,22 @@ def load_servo(folder: Path | str) -> StoredServo:
             digests,
             origin_of(record),
         )
+
+
+def _longest_step(value: Any) -> float:
+    """Longest step of the integration from a record [s]."""
+    if not SHORTEST_STEP <= float(value) <= LONGEST_STEP:
+        raise ValueError(f"the longest step of the integration is {value}, not {SHORTEST_STEP} to {LONGEST_STEP} s")
+    return float(value)
+
+
+def _parameters_of(model: ServoModel, record: Mapping[str, Any]) -> ServoParameters:
+    """Parameters in the record `servo.json`, after a check that they are those of a model."""
+    parameters = parameters_of_record(record)
+    found, wanted = (len(parameters.stiffness), len(parameters.friction)), (model.n, len(model.laws))
+    if found != wanted:
+        raise ValueError(f"the parameters are those of {found} joints and laws; the arm has {wanted}")
+    return parameters
 
 
 def parameters_of_record(record: Mapping[str, Any]) -> ServoParameters:

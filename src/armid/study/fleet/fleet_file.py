@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from armid.errors import StudyError, did_you_mean
-from armid.input_boundary import boundary, read_toml
+from armid.input_boundary import boundary, naming, read_toml
 from armid.study.config import Study, parse_study
 
 KEYS = ("robot", "model", "processing", "reading", "unit")
@@ -76,7 +76,7 @@ def load_fleet_file(path: Path | str) -> FleetChoice:
     """
     path = Path(path)
     table = read_toml(path, "a fleet", StudyError, remedy="give the path of a FLEET.toml.")
-    with boundary("a fleet", path, StudyError, remedy="correct the keys that docs/fleet.md explains."):
+    with naming(path), boundary("a fleet", path, StudyError, remedy="correct the keys that docs/fleet.md explains."):
         return parse_fleet(table, str(path.parent))
 
 

@@ -15,7 +15,7 @@ from armid.excitation.limits.joint_limits import Limits
 from armid.excitation.plan import Plan
 from armid.excitation.poses_and_sweeps import Moves
 from armid.excitation.thesis_plans import PLANS, builtin_plan
-from armid.input_boundary import boundary, read_json
+from armid.input_boundary import boundary, naming, read_json
 from armid.model.motion import Motion
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
@@ -128,7 +128,7 @@ def read_whole_plan(name: str) -> tuple[Plan | Moves, tuple[Shape, ...]]:
     if "stretches" in record:
         return _moves(record, path), ()
     series = load_plan(path)
-    with boundary(PLAN, path, remedy=REMEDY):
+    with boundary(PLAN, path, remedy=REMEDY), naming(path):
         plan = Plan(
             series,
             int(record.get("repetitions", 1)),
@@ -154,7 +154,7 @@ def limits_of_plan(name: str, robot: Robot) -> Limits | None:
     if name in PLANS or not path.is_file():
         return None
     record = read_json(path, PLAN, remedy=REMEDY)
-    with boundary("a plan with `joint_limits`", path, remedy=REMEDY):
+    with boundary("a plan with `joint_limits`", path, remedy=REMEDY), naming(path):
         limits: Any = record.get("joint_limits")
         if limits is None or tuple(record.get("joints", ())) != robot.joint_names:
             return None

@@ -47,7 +47,7 @@ class ServoChoice:
         if isinstance(self.terms, str) or not self.terms or any(name not in TERMS for name in self.terms):
             unknown = next((name for name in self.terms if name not in TERMS), self.terms)
             raise StudyError(
-                f"[servo] `terms` must be a list of torque terms; found {self.terms!r}.",
+                f"`terms` must be a list of torque terms; found {self.terms!r}.",
                 possible=", ".join(TERMS),
                 remedy=did_you_mean(unknown, TERMS) or f'write for instance terms = ["{Viscous.name}"].',
             )
@@ -58,21 +58,21 @@ class ServoChoice:
             least = 0.0 if key == "damping" else math.ulp(0.0)
             if not all(_is_number(each) and each >= least for each in given):
                 raise StudyError(
-                    f"[servo] `{key}` must be {'0 or more' if key == 'damping' else 'above 0'}; found {value!r}.",
+                    f"`{key}` must be {'0 or more' if key == 'damping' else 'above 0'}; found {value!r}.",
                     remedy="give one number for all joints, or a list with one for each joint.",
                 )
         for key in ("stiffness_deviation", "link_deviation"):
             if not (_is_number(getattr(self, key)) and getattr(self, key) >= 0.0):
                 raise StudyError(
-                    f"[servo] `{key}` must be 0 or more; found {getattr(self, key)!r}.", remedy="0.1 means 10 %."
+                    f"`{key}` must be 0 or more; found {getattr(self, key)!r}.", remedy="0.1 means 10 %."
                 )
         if not (_is_number(self.delay) and abs(self.delay) <= 1.0):
             raise StudyError(
-                f"[servo] `delay` must be a time of at most 1 s; found {self.delay!r}.", remedy="give it in seconds."
+                f"`delay` must be a time of at most 1 s; found {self.delay!r}.", remedy="give it in seconds."
             )
         if self.stiffness_deviation > 0.0 and self.stiffness is None:
             raise StudyError(
-                "[servo] has `stiffness_deviation` but no `stiffness`.",
+                "has `stiffness_deviation` but no `stiffness`.",
                 remedy="give `stiffness`, too, or leave `stiffness_deviation` out.",
             )
 
@@ -102,9 +102,9 @@ def servo_options(choice: ServoChoice, robot: Robot) -> ServoOptions:
 
     return ServoOptions(
         each("stiffness"),
-        choice.stiffness_deviation,
+        float(choice.stiffness_deviation),
         each("damping"),
         each("limit"),
-        choice.delay,
-        choice.link_deviation,
+        float(choice.delay),
+        float(choice.link_deviation),
     )

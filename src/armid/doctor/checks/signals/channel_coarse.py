@@ -12,7 +12,7 @@ from armid.measurement.processing.channels.isolated_samples import smallest_step
 
 CODE = "channel-coarse"
 
-COARSE_TORQUE = 0.08
+COARSE_TORQUE = 0.04
 """Smallest step of a torque, relative to its range, that is reported. On recorded arms it is at most 0.02."""
 
 COARSE_ANGLE, COARSE_LENGTH = 0.01, 0.005
