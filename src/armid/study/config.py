@@ -357,12 +357,8 @@ def _make(kind: type[T], table: Mapping[str, Any], where: str) -> T:
     """Makes a dataclass from a table whose keys are the fields of the class; lists become tuples."""
     fields = [f for f in dataclasses.fields(kind) if f.init]  # pyright: ignore[reportArgumentType]
     _known(table, [f.name for f in fields], where)
-    missing = [
-        f.name
-        for f in fields
-        if f.name not in table and f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
-    ]
-    if missing:
+    needed = [f.name for f in fields if f.default is f.default_factory is dataclasses.MISSING]
+    if missing := [name for name in needed if name not in table]:
         raise StudyError(f"{where} has no value for {', '.join(missing)}.", remedy="add the missing keys.")
     values = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
     try:

@@ -375,14 +375,9 @@ def _largest(recording: Recording, quantity: str, flags: Flags, time: Array, cha
         f"The largest jump is that of {recording.channels[j]} at t = {time[row]:.3f} s: {values[row, j]:.4g} {unit} "
         f"next to {sides} {unit}."
     )
-<<<<<<< HEAD
     if quantity in ("q", "command") and np.isfinite(channels.speed[j]):
-        text += f" That is faster than {FASTER:g} times its largest speed, {channels.speed[j]:.3g} {unit}/s."
-=======
-    if quantity in ("q", "command"):
         text += (
             f" For that it would need {FASTER:g} times its largest speed, {channels.speed[j]:.3g} {unit}/s, or "
             f"{channels.acceleration[j]:.3g} {unit}/s²."
         )
->>>>>>> fuzz
     return text
