@@ -108,10 +108,22 @@ def ahead(items: Iterator[T]) -> Iterator[T]:
 
 
 def meanwhile(work: Callable[[], R]) -> Callable[[], R]:
-    """Begins some work in another thread, and returns a function that waits for its result."""
-    from concurrent.futures import ThreadPoolExecutor
+    """Begins some work in another thread, and returns a function that waits for its result.
 
-    pool = ThreadPoolExecutor(1)
-    future = pool.submit(work)
-    pool.shutdown(wait=False)
+    If nobody waits, the work does not keep the process from ending.
+    """
+    import contextvars
+    from concurrent.futures import Future
+    from threading import Thread
+
+    future: Future[R] = Future()
+    context = contextvars.copy_context()
+
+    def run() -> None:
+        try:
+            future.set_result(context.run(work))
+        except BaseException as error:
+            future.set_exception(error)
+
+    Thread(target=run, daemon=True).start()
     return future.result

@@ -77,7 +77,8 @@ class DownsampledLog:
 
         def changed(run: ObservedRun) -> ObservedRun:
             m, mask = run.motion, run.mask[:, motion] & run.mask[:, torque]
-            moved = Motion(m.time, m.q[:, motion], m.dq[:, motion], m.ddq[:, motion])
+            signs = None if m.sign_deviation is None else m.sign_deviation[:, motion]
+            moved = Motion(m.time, m.q[:, motion], m.dq[:, motion], m.ddq[:, motion], sign_deviation=signs)
             return replace(run, motion=moved, torque=run.torque[:, torque], mask=mask)
 
         return replace(self, runs=tuple(changed(run) for run in self.runs), noise=self.noise[motion])
@@ -95,7 +96,8 @@ class DownsampledLog:
             raw = self.band.is_open or not run.consecutive
             tau = run.torque if raw else in_band(run.torque, run.rate, self.band)
             rows, m = run.rows[::every], run.motion
-            few = Motion(m.time[rows], m.q[rows], m.dq[rows], m.ddq[rows])
+            signs = None if m.sign_deviation is None else m.sign_deviation[rows]
+            few = Motion(m.time[rows], m.q[rows], m.dq[rows], m.ddq[rows], sign_deviation=signs)
             rate, mask, block = run.rate / (run.step * every), run.mask[::every], run.block[::every]
             return replace(run, motion=few, torque=tau[rows], rate=rate, step=1, offset=0, mask=mask, block=block)
 
@@ -106,7 +108,7 @@ class DownsampledLog:
 
         def changed(run: ObservedRun) -> ObservedRun:
             m = run.motion
-            return replace(run, motion=Motion(m.time, m.q + offset, m.dq, m.ddq))
+            return replace(run, motion=replace(m, q=m.q + offset))
 
         return replace(self, runs=tuple(changed(run) for run in self.runs))
 
@@ -115,7 +117,9 @@ class DownsampledLog:
 
         def changed(run: ObservedRun) -> ObservedRun:
             m = run.motion
-            return replace(run, motion=Motion(m.time, m.q * motion, m.dq * motion, m.ddq * motion))
+            signs = None if m.sign_deviation is None else m.sign_deviation * np.sign(motion)
+            scaled = Motion(m.time, m.q * motion, m.dq * motion, m.ddq * motion, sign_deviation=signs)
+            return replace(run, motion=scaled)
 
         return replace(self, runs=tuple(changed(run) for run in self.runs), noise=self.noise * np.abs(motion))
 

@@ -114,9 +114,9 @@ class LogFormat:
             set to angles. It is looked for in the folder of the data set and in the folders above it.
         spikes: With `keep`, spikes are used like other samples. If not given, they are left out. Spikes are isolated
             samples of positions, velocities and torques that no arm can produce, such as zeros of a lost packet.
-        highest_rate: Sample rate [Hz] to which a recording is reduced by a low-pass filter and decimation if its rate
-            is at least twice as high; 0 keeps all samples. If not given, 1000 Hz, and less for more than 250 000
-            samples (`armid.measurement.reduction.reduced_rate`).
+        highest_rate: Sample rate [Hz] to which a faster recording is reduced by a low-pass filter and decimation; the
+            rate is then between this and twice this. 0 keeps all samples. If not given, 1000 Hz, and down to 200 Hz
+            for more than 250 000 samples (`armid.measurement.reduction`).
     """
 
     rate: float | None = None

@@ -272,7 +272,8 @@ def format_of_new_recording(run: Run, changes: Mapping[str, Any]) -> LogFormat:
         changes: Fields of the log format that differ from that of the run's first recording.
     """
     period = "none" if run.log_format.period == "none" else None
-    return dataclasses.replace(run.log_format, **{"exclude": (), "start": None, "period": period, **changes})
+    made = dataclasses.replace(run.log_format, **{"exclude": (), "start": None, "period": period, **changes})
+    return made.with_all_samples() if run.processing.needs_all_samples else made
 
 
 def with_edges(run: Run, edges: str | None) -> Run:

@@ -96,9 +96,35 @@ def test_pieces_do_not_change_the_result(piece: int):
         assert np.array_equal(getattr(found, name), getattr(known, name)), name
 
 
-def test_a_rate_without_a_clock_is_reduced_too():
-    found = reduce_recording(replace(log(), time=None, rate=RATE), PLAIN)
-    assert found.time is None and found.rate == pytest.approx(1000.0) and found.guessed["rate"] == found.rate
+def spoilt(case: str) -> tuple[Recording, LogFormat]:
+    """A fast recording whose samples must be treated before they are filtered."""
+    fast = log()
+    assert fast.time is not None and fast.effort is not None
+    effort, time, q = fast.effort.copy(), fast.time.copy(), fast.q.copy()
+    if case == "missing":
+        effort[12000, 0] = np.nan
+    elif case == "repeated":
+        q[5000:5010], effort[5000:5010] = q[5000], effort[5000]
+    elif case == "bursts":
+        time = np.repeat(time[::8], 8) + 2e-5 * (np.arange(len(time)) % 8)
+    elif case == "lost":
+        keep = np.random.default_rng(0).uniform(size=len(time)) > 0.2
+        return replace(fast, time=time[keep], q=q[keep], effort=effort[keep], valid=np.True_), PLAIN
+    changed = replace(fast, time=time, q=q, effort=effort)
+    if case == "numbered":
+        return replace(changed, number=np.arange(fast.samples)), PLAIN
+    if case == "clockless":
+        return replace(changed, time=None, rate=RATE), LogFormat(rate=RATE)
+    formats = {"excluded": LogFormat(exclude=[[1.0, 1.5]]), "mixed": LogFormat(units=("deg", "rad"))}
+    return changed, formats.get(case, PLAIN)
+
+
+@pytest.mark.parametrize(
+    "case", ["missing", "repeated", "bursts", "lost", "numbered", "clockless", "excluded", "mixed"]
+)
+def test_samples_that_must_be_treated_first_are_not_reduced(case: str):
+    recording_, log_format = spoilt(case)
+    assert reduce_recording(recording_, log_format) is recording_
 
 
 def test_nothing_is_filtered_across_a_gap():
@@ -142,15 +168,29 @@ def test_wrapped_angles_become_continuous(units: str | None, turn: float):
     assert "position-wrapped" in codes(found.findings)
 
 
-def test_values_that_are_no_numbers_are_still_refused():
-    fast = log()
-    assert fast.effort is not None
-    effort = fast.effort.copy()
-    effort[12000, 0] = np.nan
-    found = reduce_recording(replace(fast, effort=effort), PLAIN)
-    assert found.effort is not None and found.time is not None
-    spoilt = np.isnan(found.effort[:, 0])
-    assert spoilt.any() and np.abs(found.time[spoilt] - 1.5).max() < 0.01 and np.isfinite(found.effort[:, 1]).all()
+def test_a_file_with_a_missing_value_is_read_as_a_whole(tmp_path, monkeypatch):
+    monkeypatch.setattr("armid.measurement.readers.PIECE", 4000)
+    fast, _ = spoilt("missing")
+    assert fast.time is not None and fast.effort is not None
+    table = {"t": fast.time, "q1": fast.q[:, 0], "q2": fast.q[:, 1]}
+    table |= {"tau1": fast.effort[:, 0], "tau2": fast.effort[:, 1]}
+    found = load_recording(written(tmp_path / "log.parquet", table))
+    assert found.samples == fast.samples and found.logged_rate is None
+    assert found.effort is not None and np.isnan(found.effort).sum() == 1
+
+
+def test_findings_name_the_time_and_each_jump_once():
+    """Ends of pieces are examined twice, with the piece before and the one behind."""
+    t = clock(20.0, RATE)
+    angle = np.column_stack([2.0 * t, 0.4 - 0.3 * t])
+    wrapped = (angle + np.pi) % (2 * np.pi) - np.pi
+    effort = motion(t)[1].copy()
+    effort[144_000, 0] = 1e5
+    found = reduce_recording(recording(t, consecutive=True, q=wrapped, effort=effort), PLAIN)
+    jumps = [each for each in found.findings if each.code == "position-wrapped" and each.channel == "1"]
+    assert len(jumps) == 1 and "6 times" not in jumps[0].evidence
+    (spike,) = [each for each in found.findings if each.code == "spikes"]
+    assert "t = 18.000 s" in spike.evidence and "other stretches" not in spike.evidence
 
 
 def written(path: Path, table: dict[str, np.ndarray]) -> Path:
@@ -235,6 +275,14 @@ def test_a_cut_off_above_the_reduced_band_is_refused():
     with pytest.raises(RecordingError, match="reduced from 8000 Hz to 50 Hz") as refused:
         process_recordings([found], ProcessingOptions(cutoff=10.0))
     assert "highest_rate = 80" in str(refused.value)
+
+
+@pytest.mark.parametrize("options", [{"family": "none"}, {"decimate": 0.0}, {"edges": "periodic"}])
+def test_a_reduced_recording_is_refused_where_all_samples_are_needed(options: dict[str, object]):
+    found = reduce_recording(log(20.0), PLAIN)
+    with pytest.raises(RecordingError, match="all samples are needed") as refused:
+        process_recordings([found], ProcessingOptions(**options))  # pyright: ignore[reportArgumentType]
+    assert "highest_rate = 0" in str(refused.value)
 
 
 def test_studies_whose_rows_are_samples_keep_them():

@@ -172,7 +172,7 @@ def resolve_options(processing: ProcessingOptions, recordings: Sequence[Recordin
         cutoff = _automatic_cutoff(recordings)
         processing = replace(processing, **({"cutoff": cutoff} if cutoff else {"cutoff": 0.0, "family": "none"}))
     for recording in recordings:
-        require_band(recording, _highest_cutoff(processing))
+        require_band(recording, _highest_cutoff(processing), needs_all=processing.needs_all_samples)
     return processing
 
 

@@ -11,7 +11,7 @@ from armid.measurement.catalogue import READERS, RecordingFormat, recording_suff
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.measurement.recording_paths import format_of_folder, sha256_of_recording, split_episode
-from armid.measurement.reduction.reduce import PIECE, reduce_pieces, reduce_recording
+from armid.measurement.reduction.reduce import PIECE, UnsuitableRecordingError, reduce_pieces, reduce_recording
 from armid.robot.robot import Robot
 from armid.threads import ahead, meanwhile
 
@@ -48,7 +48,10 @@ def _read(form: RecordingFormat, path: Path, log_format: LogFormat, robot: Robot
     reader = form.piece_reader
     found = None if reader is None else reader.pieces(path, log_format, robot, PIECE)
     if found is not None:
-        return reduce_pieces(ahead(found.pieces), found.samples, log_format)
+        try:
+            return reduce_pieces(ahead(found.pieces), found.samples, log_format)
+        except UnsuitableRecordingError:
+            return form.reader.read(path, log_format, robot)
     return reduce_recording(form.reader.read(path, log_format, robot), log_format)
 
 

@@ -69,6 +69,8 @@ def pieces(path: Path, log_format: LogFormat, robot: Robot | None, length: int) 
             matrices=True,
             values=lambda name: _rows(file, name, 0, length, path),
         )
+        for name in selection.names:
+            within_unpacked(sizes[name], path, RecordingError)
         counts = {len(file[name]) for name in selection.names}
     if len(counts) > 1 or len(selection.time) > 1:
         return None

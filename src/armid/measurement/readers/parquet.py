@@ -52,10 +52,11 @@ def pieces(path: Path, log_format: LogFormat, robot: Robot | None, length: int) 
     """
     file = _pyarrow().ParquetFile(path, pre_buffer=False, buffer_size=BUFFER)  # else the whole file is kept in memory
     try:
-        head = next(file.iter_batches(length), None)
-        if head is None or len((selection := _selection(file, log_format, path, robot, head)).time) > 1:
+        selection = _selection(file, log_format, path, robot, length) if file.metadata.num_rows else None
+        if selection is None or len(selection.time) > 1:
             file.close()
             return None
+        within_unpacked(8 * file.metadata.num_rows * len(selection.names), path, RecordingError)
     except BaseException:
         file.close()
         raise
@@ -75,12 +76,14 @@ def _table(batch: Any) -> Any:
     return importlib.import_module("pyarrow").Table.from_batches([batch])
 
 
-def _selection(file: Any, log_format: LogFormat, path: Path, robot: Robot | None, head: Any = None) -> Selection:
-    """Columns of an open file that are read, chosen with the rows of the table `head`, or with all rows."""
+def _selection(
+    file: Any, log_format: LogFormat, path: Path, robot: Robot | None, head: int | None = None
+) -> Selection:
+    """Columns of an open file that are read, chosen with the first `head` rows, or with all rows."""
     lists = [each.name for each in file.schema_arrow if is_list(each.type)]
 
     def values(name: str) -> Array:
-        rows = file.read(columns=[name]) if head is None else _table(head)
+        rows = file.read(columns=[name]) if head is None else _table(next(file.iter_batches(head, columns=[name])))
         return numbers(rows[name], name, path)
 
     return select(file.schema_arrow.names, log_format, path, robot, matrices=bool(lists), values=values)

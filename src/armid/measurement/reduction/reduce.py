@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.checked_array import Array, frozen
+from armid.checked_array import Array, all_finite, frozen
 from armid.errors import Finding, RecordingError
 from armid.input_boundary import within
 from armid.kernel.channels.passes import decimate
@@ -46,6 +46,19 @@ WRAP_TOLERANCE = 0.08
 """Largest difference between a jump and a whole turn at which the jump counts as a wrap of the angle [turns]."""
 
 
+FEW_GAPS, SINGLE_GAPS = 1e-3, 3
+"""Largest share of the steps of a clock that may be gaps, and number of gaps that are always allowed. With more of
+them, as in bursts of messages or where packets are lost, so much would be dropped beside them that the samples are
+interpolated first, at the full rate."""
+
+
+class UnsuitableRecordingError(Exception):
+    """Recording whose samples must be treated before they are filtered, so that its rate is not reduced.
+
+    Values are missing, rows repeat the row before, or the clock has many gaps.
+    """
+
+
 def reduce_recording(recording: Recording, log_format: LogFormat) -> Recording:
     """Reduces a recording to the highest rate of its log format; other recordings are returned as they are.
 
@@ -56,7 +69,10 @@ def reduce_recording(recording: Recording, log_format: LogFormat) -> Recording:
     if _step(recording, recording.samples, log_format) == 1:
         return recording
     pieces = (_cut(recording, a, a + PIECE) for a in range(0, recording.samples, PIECE))
-    return reduce_pieces(pieces, recording.samples, log_format)
+    try:
+        return reduce_pieces(pieces, recording.samples, log_format)
+    except UnsuitableRecordingError:
+        return recording
 
 
 def reduce_pieces(pieces: Iterable[Recording], samples: int, log_format: LogFormat) -> Recording:
@@ -68,6 +84,7 @@ def reduce_pieces(pieces: Iterable[Recording], samples: int, log_format: LogForm
         log_format: Log format of the file.
 
     Raises:
+        UnsuitableRecordingError: A piece must not be filtered.
         RecordingError: The recording is not reduced and has more samples than may be in memory, or has no samples.
     """
     source = iter(pieces)
@@ -77,25 +94,20 @@ def reduce_pieces(pieces: Iterable[Recording], samples: int, log_format: LogForm
     step = _step(first, samples, log_format)
     later: list[Finding] = []
     every = _chain(first, source, later)
-    if step == 1:
+    if step == 1 or first.time is None:
         within("samples", samples, first.source or "The recording", RecordingError)
         whole = joined(list(every))
         return replace(whole, findings=(*whole.findings, *later)) if later else whole
-    rate = _rate(first, log_format)
-    state = _Reduction(step, log_format, None if first.time is None else float(first.time[0]))
+    rate = _rate(first)
+    state = _Reduction(step, log_format, float(first.time[0]))
     made = [part for piece in every if (part := state.following(piece)) is not None]
     made += [part] if (part := state.following(None)) is not None else []
     if not made:
-        raise RecordingError(
-            f"no row remains when {samples} samples at {rate:.5g} Hz are reduced to {rate / step:.5g} Hz.",
-            remedy="record for longer, or set highest_rate = 0 to keep all samples.",
-        )
+        raise UnsuitableRecordingError
     whole = joined(made)
     found = merged_findings([*later, *state.findings])
     findings = (*first.findings, *found, _finding(state.samples, whole.samples, rate, step))
-    guessed = dict(first.guessed) if first.time is not None else {**first.guessed, "rate": rate / step}
-    stated = None if first.time is not None else rate / step
-    return replace(whole, rate=stated, guessed=guessed, findings=findings, logged_rate=rate)
+    return replace(whole, findings=findings, logged_rate=rate)
 
 
 def joined(parts: list[Recording]) -> Recording:
@@ -130,7 +142,7 @@ class _Reduction:
         findings: Findings on the samples so far.
     """
 
-    def __init__(self, step: int, log_format: LogFormat, origin: float | None) -> None:
+    def __init__(self, step: int, log_format: LogFormat, origin: float) -> None:
         self.findings: list[Finding] = []
         self._step, self._format, self._origin = step, log_format, origin
         self._taps = decimation_filter(step)
@@ -148,64 +160,76 @@ class _Reduction:
         """Reduced samples that a further piece completes, or the last ones if there is none; `None` without any."""
         last = piece is None
         whole = joined([each for each in (self._tail, piece) if each is not None])
+        refuse_unsuitable(whole)
         half, step = len(self._taps) // 2, self._step
         low = self._begin + half + (CONTEXT if self._begin else 0)
         high = self._begin + whole.samples - half - (0 if last else CONTEXT)  # centres are below this
         first = max(self._next, -(-low // step))
         rows = max(0, -(-(high - first * step) // step))
         keep = max(0, (first + rows) * step - half - CONTEXT - self._begin)  # samples that are not needed further
-        treated = self._treated(whole, keep)
+        treated = self._treated(whole, keep, whole.samples if last else keep)
         self._tail, self._next = _cut(whole, keep, whole.samples), first + rows
         centre, self._begin = first * step - self._begin, self._begin + keep
         return self._filtered(treated, centre, rows) if rows else None
 
-    def _treated(self, whole: Recording, keep: int) -> Recording:
-        """Samples without spikes and without jumps by whole turns."""
-        time = _times(whole, self._format)
+    def _treated(self, whole: Recording, keep: int, counted: int) -> Recording:
+        """Samples without spikes and without jumps by whole turns.
+
+        The next tail begins with sample `keep`. Findings are about the first `counted` samples; no tail repeats them.
+        """
+        assert whole.time is not None
         channels = _channels(whole, self._format)
-        seconds = float(median(np.diff(time))) if whole.samples > 1 else 0.0
+        seconds = float(median(np.diff(whole.time))) if whole.samples > 1 else 0.0
         found = {
             name: isolated_samples(values, seconds)
             for name in ("q", "dq", "effort", "command")
-            if (values := getattr(whole, name)) is not None and np.isfinite(values).all()
+            if (values := getattr(whole, name)) is not None
         }
         kept = self._format.spikes == "keep"
-        treated, spikes = interpolate_spikes(whole, found, time, channels, kept=kept)
-        self.findings += spikes
+        new = any(flags[:counted].any() for flags in found.values())
+        treated, spikes = interpolate_spikes(whole, found, whole.time, channels, kept=kept)
+        where = f"From t = {whole.time[0]:.6g} to {whole.time[-1]:.6g} s: "
+        self.findings += [replace(each, evidence=where + each.evidence) for each in spikes if new]
         changed: dict[str, Any] = {}
         for name in ("q", "command"):
             values = getattr(treated, name)
             if values is not None:
-                changed[name] = self._continuous(name, values, channels.turn, keep, treated.channels)
+                labels = treated.channels if name == "q" else ()
+                changed[name] = self._continuous(name, values, channels.turn, (keep, counted), labels)
         return replace(treated, **changed)
 
-    def _continuous(self, name: str, values: Array, turn: Array, keep: int, labels: tuple[str, ...]) -> Array:
-        """Angles (N, n) that continue those of the pieces before without jumps by whole turns."""
+    def _continuous(
+        self, name: str, values: Array, turn: Array, bounds: tuple[int, int], labels: tuple[str, ...]
+    ) -> Array:
+        """Angles (N, n) that continue those of the pieces before without jumps by whole turns.
+
+        `bounds` are the first sample of the next tail, and the number of samples with whose jumps findings deal.
+        """
+        keep, counted = bounds
         before = self._turned.get(name)
         result = values.copy()
         for j in range(values.shape[1]):
             jump, whole = whole_turn_jumps(values[:, j], turn[j], WRAP_TOLERANCE * turn[j])
             if jump.any():
                 result[:, j] = without_turns(values[:, j], jump, whole, turn[j])
-                if name == "q":
-                    self.findings.append(_wrapped(labels[j], int(jump.sum())))
+                if labels and jump[:counted].any():
+                    self.findings.append(_wrapped(labels[j], int(jump[:counted].sum())))
             if before is not None:
-                result[:, j] += turn[j] * np.nan_to_num(np.round((before[j] - result[0, j]) / turn[j]))
+                result[:, j] += turn[j] * np.round((before[j] - result[0, j]) / turn[j])
         self._turned[name] = result[min(keep, len(result) - 1)]
         return frozen(result)
 
     def _filtered(self, treated: Recording, centre: int, rows: int) -> Recording | None:
         """Filtered and decimated samples, without those whose filter reaches a gap of the clock."""
+        assert treated.time is not None
         half, step = len(self._taps) // 2, self._step
         centres = centre + step * np.arange(rows)
-        changed: dict[str, Any] = {}
-        inside = np.ones(rows, dtype=np.bool_)
-        if treated.time is not None:
-            relative = (treated.time - (self._origin or 0.0))[:, None]
-            changed["time"] = (self._origin or 0.0) + decimate(relative, self._taps, step, centre - half, rows)[:, 0]
-            steps = np.diff(treated.time)
-            wide = steps > GAP_STEPS * median(steps[np.isfinite(steps)])  # false for a time that is not a number
-            inside = ~_any_within(wide[:, None], centres, half, half)[:, 0]
+        relative = (treated.time - self._origin)[:, None]
+        changed: dict[str, Any] = {
+            "time": self._origin + decimate(relative, self._taps, step, centre - half, rows)[:, 0]
+        }
+        wide = _gaps(treated.time)
+        inside = ~_any_within(wide[:, None], centres, half, half)[:, 0]
         for name in CHANNELS:
             values = getattr(treated, name)
             if values is not None:
@@ -215,6 +239,33 @@ class _Reduction:
             return None
         chosen = {name: frozen(np.ascontiguousarray(x[inside])) for name, x in changed.items()}
         return replace(treated, findings=(), **chosen)
+
+
+def refuse_unsuitable(recording: Recording) -> None:
+    """Raises an error if the rows of a recording must be treated before they can be filtered.
+
+    Raises:
+        UnsuitableRecordingError: A value is not finite, a row repeats the row before, or the clock has many gaps.
+    """
+    values = [each for name in CHANNELS if (each := getattr(recording, name)) is not None]
+    if recording.time is None or not all(all_finite(each) for each in (recording.time, *values)):
+        raise UnsuitableRecordingError
+    if _gaps(recording.time).sum() > max(SINGLE_GAPS, FEW_GAPS * recording.samples):
+        raise UnsuitableRecordingError
+    repeated = np.ones(recording.samples - 1, dtype=np.bool_)
+    for each in values:
+        for j in range(each.shape[1]):
+            repeated &= each[1:, j] == each[:-1, j]
+            if not repeated.any():
+                return
+    if len(repeated):
+        raise UnsuitableRecordingError
+
+
+def _gaps(time: Array) -> NDArray[np.bool_]:
+    """Mask of the steps of a clock that are gaps, shape (N - 1,)."""
+    steps = np.diff(time)
+    return steps > GAP_STEPS * median(steps) if len(steps) else np.zeros(0, dtype=np.bool_)
 
 
 def _any_within(flags: NDArray[np.bool_], centres: NDArray[np.int64], before: int, behind: int) -> NDArray[np.bool_]:
@@ -229,48 +280,37 @@ def _any_within(flags: NDArray[np.bool_], centres: NDArray[np.int64], before: in
 
 def _step(first: Recording, samples: int, log_format: LogFormat) -> int:
     """Number of samples that become one; 1 if clock or rows do not allow a reduction, or if there was one already."""
-    if first.logged_rate is not None:
-        return 1
-    rate = _rate(first, log_format)
+    units = first.guessed.get("units", log_format.units)
+    mixed = not (units is None or isinstance(units, str)) and len(set(units)) > 1
     consecutive = first.consecutive if log_format.consecutive is None else log_format.consecutive
-    if consecutive is False or not rate <= FASTEST_RATE:
+    # Excluded intervals may hold anything, and belong to single samples.
+    kept = first.logged_rate is not None or first.number is not None or bool(log_format.exclude)
+    rate = _rate(first)
+    if mixed or kept or consecutive is False or not rate <= FASTEST_RATE:
         return 1
     return reduction_step(samples, rate, log_format.highest_rate)
 
 
-def _rate(first: Recording, log_format: LogFormat) -> float:
-    """Sample rate of a log [Hz]; not finite if its clock does not increase or has no usual step."""
-    if first.time is None:
-        stated = first.rate if log_format.rate is None else log_format.rate
-        return np.nan if stated is None else stated
-    steps = np.diff(first.time)
-    if not len(steps) or not (steps >= 0.0).all():
+def _rate(first: Recording) -> float:
+    """Sample rate of a log [Hz]; not finite without a clock, or if the clock does not increase or has many gaps."""
+    steps = np.zeros(0) if first.time is None else np.diff(first.time)
+    if first.time is None or not len(steps) or not (steps >= 0.0).all() or median(steps) <= 0.0:
         return np.nan
-    usual = float(median(steps))
-    usual = float(np.mean(steps[steps <= GAP_STEPS * usual])) if usual > 0.0 else 0.0
-    return 1.0 / usual if usual > 0.0 else np.nan
-
-
-def _times(recording: Recording, log_format: LogFormat) -> Array:
-    """Times of the samples [s]."""
-    if recording.time is not None:
-        return recording.time
-    return np.arange(recording.samples) / (recording.rate or log_format.rate or 1.0)
+    gaps = _gaps(first.time)
+    many = gaps.sum() > max(SINGLE_GAPS, FEW_GAPS * len(gaps))
+    return np.nan if many else float(1.0 / np.mean(steps[~gaps]))
 
 
 def _channels(recording: Recording, log_format: LogFormat) -> Channels:
     """Units and full turns of the channels as logged; their speed limits are not known before they have joints."""
     units = recording.guessed.get("units", log_format.units)
-    listed = (units,) * recording.n if units is None or isinstance(units, str) else tuple(units)
-    largest = np.abs(np.diff(recording.q, axis=0)).max(axis=0, initial=0.0)
-    # Units are listed in the order of the joints, which may differ from that of the channels: a jump decides.
-    degrees = np.array([unit == "deg" for unit in listed]) if len(set(listed)) == 1 else largest > 180.0
+    degrees = np.full(recording.n, units is not None and "deg" in units)  # all channels have one unit
     turn = np.where(degrees, 360.0, 2.0 * np.pi)
-    names = tuple("deg" if each else "rad" for each in np.broadcast_to(degrees, recording.n))
+    names = tuple("deg" if each else "rad" for each in degrees)
     current = recording.effort_is_current or log_format.drive_gain is not None
     efforts = ("A" if current else "N·m",) * recording.n
     unknown = np.full(recording.n, np.inf)
-    return Channels(unknown, unknown, np.broadcast_to(turn, recording.n), names, efforts)
+    return Channels(unknown, unknown, turn, names, efforts)
 
 
 def _wrapped(channel: str, jumps: int) -> Finding:

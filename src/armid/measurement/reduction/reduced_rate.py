@@ -55,16 +55,31 @@ def reduction_step(samples: float, rate: float, highest_rate: float | None) -> i
     return step
 
 
-def require_band(recording: Recording, cutoff: float | None) -> None:
-    """Raises an error if a recording was reduced to a rate that is too low for a cut-off [Hz].
+def require_band(recording: Recording, cutoff: float | None, *, needs_all: bool) -> None:
+    """Raises an error if a recording was reduced, although all samples are needed or the rate is too low.
+
+    Args:
+        recording: The recording.
+        cutoff: Highest cut-off that will be used [Hz]; `None` without a filter.
+        needs_all: True if the processing needs all samples.
 
     Raises:
-        RecordingError: The filter of the reduction would attenuate frequencies that the estimation uses.
+        RecordingError: The filter of the reduction would attenuate frequencies that the estimation uses, or rows
+            would not be samples.
     """
-    if recording.logged_rate is None or cutoff is None:
+    if recording.logged_rate is None:
         return
-    rate = recording.rate if recording.time is None else float(1.0 / np.median(np.diff(recording.time[:1000])))
-    if rate is None or rate * (1.0 + ROUNDING) >= OVERSAMPLING * cutoff:
+    if needs_all:
+        raise RecordingError(
+            f"the rate of the recording was reduced from {recording.logged_rate:.5g} Hz, but with these options of "
+            "the processing all samples are needed.",
+            remedy=Remedy("read it with ", setting("highest_rate", 0), "."),
+            source=recording.source,
+        )
+    if cutoff is None:
+        return
+    rate = np.inf if recording.time is None else float(1.0 / np.median(np.diff(recording.time[:1000])))
+    if rate * (1.0 + ROUNDING) >= OVERSAMPLING * cutoff:
         return
     needed = float(f"{OVERSAMPLING * cutoff:.3g}")
     raise RecordingError(

@@ -122,7 +122,7 @@ def _refuse_shared_recordings(prepared: Mapping[str, Prepared]) -> None:
     for name, unit in prepared.items():
         for each in unit.recordings:
             other = owner.setdefault(each.recording.sha256, name)
-            if other != name:
+            if each.recording.sha256 and other != name:  # arrays in memory have no digest
                 raise StudyError(
                     f"The units {other} and {name} have the same recording: {each.choice.path} (sha256 "
                     f"{each.recording.sha256[:12]}…).",

@@ -27,7 +27,6 @@ from armid.information.filtering import rows_in_band
 from armid.maths.birge_ratio import birge_ratio
 from armid.measurement.observations import ObservedRun
 from armid.measurement.recording import Recording
-from armid.model.motion import Motion
 
 CODE = "joint-delay"
 
@@ -302,7 +301,7 @@ def _moved(state: LogState, j: int, seconds: float) -> LogState:
         q, dq, ddq = m.q.copy(), m.dq.copy(), m.ddq.copy()
         for x in (q, dq, ddq):
             x[:, j] = np.interp(later, m.time, x[:, j])
-        return replace(run, motion=Motion(m.time, q, dq, ddq))
+        return replace(run, motion=replace(m, q=q, dq=dq, ddq=ddq))
 
     return state.on(replace(state.log, runs=tuple(changed(run) for run in state.log.runs)))
 

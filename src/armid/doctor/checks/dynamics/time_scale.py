@@ -132,7 +132,7 @@ def _scaled(log: DownsampledLog, factor: float) -> DownsampledLog:
 
     def changed(m: Motion) -> Motion:
         ddq: Array = m.ddq * factor**2
-        return Motion(m.time, m.q, m.dq * factor, ddq)
+        return replace(m, dq=m.dq * factor, ddq=ddq)
 
     return replace(log, runs=tuple(replace(run, motion=changed(run.motion)) for run in log.runs))
 

@@ -12,6 +12,7 @@ formula. In simulations of an encoder of 12 bits and slow motion, the whole bias
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,7 +27,6 @@ from armid.information.hysteresis_states import with_hysteresis_states
 from armid.maths.signals.derivatives import central_difference
 from armid.measurement.low_pass_band import Band
 from armid.measurement.observations import ObservedRun
-from armid.model.motion import Motion
 from armid.remedy import Remedy, setting
 
 MOST_ROWS = 2000
@@ -76,7 +76,7 @@ def regressor_noise_bias(problem: EstimationProblem, values: Array, weights: Arr
         for k in np.flatnonzero(level):
             faster = ddq.copy()
             faster[:, k] += 1.0
-            terms = source.term_rows(Motion(motion.time, q, dq, faster, motion.memory))
+            terms = source.term_rows(replace(motion, ddq=faster))
             x = kernel.columns(source.tree, source.layout, q, dq, faster, zero, terms) - still
             for j, (a, b) in enumerate(itertools.pairwise(source.layout.offset)):
                 block = weights[j] * x[a : b - 1][:, used[:, j]]
