@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from processing import CUTOFF, ORDER, POSITION_NOISE, RATE, ROWS, TORQUE_NOISE, arm, peak, spent
+from processing import CUTOFF, ORDER, RATE, ROWS, arm, parts, peak, spent
 
 CHUNK = 500_000
 """Samples that are made and written at a time."""
@@ -50,29 +50,14 @@ def write(path: Path, samples: int, rate: float) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    from armid.lab.inverse_dynamics_recording import thesis_truth
-    from armid.model.motion import Motion
-
-    model, _ = arm()
-    truth, rng = thesis_truth(model), np.random.default_rng(1)
-    joint, wave = np.arange(model.n), np.arange(1, 6)[:, None]
-    frequency = 2.0 * np.pi * (0.1 * wave + 0.013 * joint + 0.0071 * wave * joint)  # no common period
-    size, phase = 0.5 * rng.normal(size=frequency.shape) / wave, rng.uniform(0.0, 6.0, frequency.shape)
-    names = ["t", *(f"{each}{j + 1}" for each in ("q", "tau") for j in range(model.n))]
-    schema = pa.schema([(name, pa.float64()) for name in names])
+    n = arm()[0].n
+    schema = pa.schema(
+        [(name, pa.float64()) for name in ("t", *(f"{x}{j + 1}" for x in ("q", "tau") for j in range(n)))]
+    )
     unfinished = path.with_suffix(".part")
     with pq.ParquetWriter(unfinished, schema, compression="snappy") as writer:
-        for a in range(0, samples, CHUNK):
-            b = min(a + CHUNK, samples)
-            t = np.arange(a, b)[:, None] / rate
-            states = np.zeros((3, b - a, model.n))
-            for w, s, p in zip(frequency, size, phase, strict=True):
-                angle = w * t + p
-                states += np.stack([s * np.sin(angle), s * w * np.cos(angle), -s * w**2 * np.sin(angle)])
-            q = states[0] + POSITION_NOISE * rng.standard_normal((b - a, model.n))
-            tau = model.torque(Motion(t[:, 0], *states), truth)
-            tau += TORQUE_NOISE * rng.standard_normal((b - a, model.n))
-            columns = [np.ascontiguousarray(each) for each in (t[:, 0], *q.T, *tau.T)]
+        for t, q, tau in parts(samples, rate, CHUNK):
+            columns = [np.ascontiguousarray(each) for each in (t, *q.T, *tau.T)]
             writer.write_table(pa.table(columns, schema=schema), row_group_size=CHUNK)
     unfinished.rename(path)
 

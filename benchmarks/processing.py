@@ -17,6 +17,7 @@ import resource
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from importlib import import_module
 from typing import Any
 
@@ -45,8 +46,8 @@ def peak() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
-def recorded(samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and torques of the arm, shape (samples, 7) each."""
+def parts(samples: int, rate: float, length: int) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield times, positions and torques of the arm with noise, `length` samples at a time."""
     from armid.lab.inverse_dynamics_recording import thesis_truth
     from armid.model.motion import Motion
 
@@ -55,17 +56,24 @@ def recorded(samples: int) -> tuple[np.ndarray, np.ndarray]:
     joint, wave = np.arange(model.n), np.arange(1, 6)[:, None]
     frequency = 2.0 * np.pi * (0.1 * wave + 0.013 * joint + 0.0071 * wave * joint)  # no common period
     size, phase = 0.5 * rng.normal(size=frequency.shape) / wave, rng.uniform(0.0, 6.0, frequency.shape)
-    q, tau = np.empty((samples, model.n)), np.empty((samples, model.n))
-    for a in range(0, samples, CHUNK):
-        b = min(a + CHUNK, samples)
-        time_ = np.arange(a, b)[:, None] / RATE
-        states = np.zeros((3, b - a, model.n))
+    for a in range(0, samples, length):
+        t = np.arange(a, min(a + length, samples)) / rate
+        states = np.zeros((3, len(t), model.n))
         for w, s, p in zip(frequency, size, phase, strict=True):
-            angle = w * time_ + p
+            angle = w * t[:, None] + p
             states += np.stack([s * np.sin(angle), s * w * np.cos(angle), -s * w**2 * np.sin(angle)])
-        q[a:b] = states[0] + POSITION_NOISE * rng.standard_normal((b - a, model.n))
-        tau[a:b] = model.torque(Motion(time_[:, 0], *states), truth)
-        tau[a:b] += TORQUE_NOISE * rng.standard_normal((b - a, model.n))
+        q = states[0] + POSITION_NOISE * rng.standard_normal((len(t), model.n))
+        tau = model.torque(Motion(t, *states), truth)
+        yield t, q, tau + TORQUE_NOISE * rng.standard_normal((len(t), model.n))
+
+
+def recorded(samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and torques of the arm, shape (samples, 7) each."""
+    q, tau = np.empty((2, samples, arm()[0].n))
+    done = 0
+    for t, positions, torques in parts(samples, RATE, CHUNK):
+        q[done : done + len(t)], tau[done : done + len(t)] = positions, torques
+        done += len(t)
     return q, tau
 
 

@@ -45,7 +45,6 @@ FASTEST_RATE = 1.0 / SHORTEST_STEP
 WRAP_TOLERANCE = 0.08
 """Largest difference between a jump and a whole turn at which the jump counts as a wrap of the angle [turns]."""
 
-
 FEW_GAPS, SINGLE_GAPS = 1e-3, 3
 """Largest share of the steps of a clock that may be gaps, and number of gaps that are always allowed. With more of
 them, as in bursts of messages or where packets are lost, so much would be dropped beside them that the samples are
